@@ -193,6 +193,18 @@ class Watch(Arguments):
     )
 
 
+class TraceTrial(Arguments):
+    candidate: CandidateId
+    beside: CandidateId | None = Field(
+        None,
+        max_length=100,
+        description="Another one, which is shown beside it: then it is also said in what their designs differ.",
+    )
+    layout: int | None = Field(
+        None, ge=0, description="Which trials; else those that earned least."
+    )
+
+
 class BestDesigns(Arguments):
     count: int = Field(3, ge=1, le=10, description="How many designs are shown whole.")
 
@@ -261,6 +273,11 @@ KINDS: dict[str, ToolKind] = {
     "watch": ToolKind(
         Watch,
         "See a film strip of a trial: six instants at which something happens. Free.",
+    ),
+    "trace": ToolKind(
+        TraceTrial,
+        "Play a trial once more, and show over time what is left of the way to each goal, and what the robot presses: "
+        "a plot and a table; of two trials side by side. Free.",
     ),
     "best_designs": ToolKind(
         BestDesigns,

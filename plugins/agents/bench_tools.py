@@ -38,6 +38,7 @@ from core.search.builder import builder_for
 from core.search.designer import ModelDesigner
 from core.simulation.checking import find_problems
 from core.simulation.rehearsing import rehearse
+from core.simulation.series import Series, read_series
 from core.store.run_figures import second_engine_figures
 from core.support.templates import fill
 from core.support.text import by_reason, clean
@@ -55,6 +56,7 @@ from plugins.agents.arguments import (
     Look,
     OfDesigns,
     Rehearse,
+    TraceTrial,
     TryCurve,
     TryDesign,
     Watch,
@@ -63,9 +65,11 @@ from plugins.agents.arguments import (
 )
 from plugins.agents.bench import Answer, Later, Refused
 from plugins.agents.describing import Told, describe_rehearsal
-from plugins.agents.editing import change_design
+from plugins.agents.editing import change_design, list_differences
+from plugins.agents.traces import draw_plot, write_table
 from plugins.agents.viewing import Viewer, draw_trial
 
+_FELT = "N"
 _LISTED = 40  # candidates that have a line
 _ONLY_RULES = (
     "These are the rules of tools and plans, and what the arm misses in an empty room, where no waypoint stands by a "
@@ -146,6 +150,7 @@ class Tools:
             "try_curve": self._try_curve,
             "wait": self._wait,
             "watch": self._watch,
+            "trace": self._trace,
             "best_designs": self._best_designs,
             "finish": self._finish,
         }
@@ -501,6 +506,50 @@ class Tools:
         trial = self._choose_trial(evaluation, asked.layout)
         strip = draw_trial(self._search.asked.artist, evaluation, trial)
         return [Text(strip.caption), strip]
+
+    def _trace(self, asked: TraceTrial) -> Answer:
+        names = [asked.candidate]
+        if asked.beside is not None:
+            names.append(asked.beside)
+        evaluations = [self._find(name) for name in names]
+
+        answer: list[Text | Picture] = []
+        trials: dict[str, Sequence[Series]] = {}
+        for evaluation in evaluations:
+            trial = self._choose_trial(evaluation, asked.layout)
+            name = f"{evaluation.candidate.id}, layout {trial.layout}"
+            trials[name] = self._read_series(evaluation, trial)
+            table = write_table(trials[name]) if trials[name] else "nothing to show"
+            answer.append(Text(f"{name}:\n{table}"))
+
+        if len(evaluations) > 1:
+            first, second = (
+                {**self._dump(each.candidate), "parents": []} for each in evaluations
+            )
+            differ = list_differences(first, second)[:_LISTED]
+            answer.append(Text("\n".join(["their designs differ in:", *differ])))
+        if any(trials.values()):
+            plot = draw_plot(trials)
+            answer += [Text(plot.caption), plot]
+        return answer
+
+    def _read_series(self, evaluation: Evaluation, trial: Trial) -> list[Series]:
+        """Play a trial once more, and return what may be said of it over time."""
+        name = evaluation.candidate.id
+        for condition in self._conditions:
+            if condition.where == trial.where:
+                break
+        else:
+            raise Refused(f"trace: {name} was played in another engine than the run's")
+        try:
+            series = read_series(condition, evaluation.candidate)
+        except DesignError as error:
+            reason = self._told.clean(str(error))
+            raise Refused(f"trace: {name}: {reason}") from error
+
+        if self._unseen:  # the arm feels what it presses; all else nobody measured
+            return [each for each in series if each.unit == _FELT]
+        return series
 
     def _choose_trial(self, evaluation: Evaluation, layout: int | None) -> Trial:
         played = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -72,3 +73,28 @@ def _list_names(holder: Sequence[Any]) -> list[str]:
     return [
         str(item.get("name", "")) if isinstance(item, dict) else "" for item in holder
     ]
+
+
+def list_differences(design: Any, other: Any, place: str = "") -> list[str]:
+    """List the places in which two designs differ, with both values, a line each."""
+    if isinstance(design, dict) and isinstance(other, dict):
+        keys = list(dict.fromkeys([*design, *other]))
+        pairs = [(key, design.get(key), other.get(key)) for key in keys]
+    elif (
+        isinstance(design, list)
+        and isinstance(other, list)
+        and len(design) == len(other)
+    ):
+        pairs = [
+            (str(k), *pair) for k, pair in enumerate(zip(design, other, strict=True))
+        ]
+    elif design == other:
+        return []
+    else:
+        shown = " -> ".join(clean(json.dumps(value), 80) for value in (design, other))
+        return [f"{place}: {shown}"]
+
+    lines = []
+    for key, value, changed in pairs:
+        lines += list_differences(value, changed, f"{place}.{key}" if place else key)
+    return lines

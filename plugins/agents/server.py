@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import base64
 import importlib.metadata
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -135,6 +136,8 @@ class _Handlers:
 
         answer = asyncio.wrap_future(self._bench.submit(name, arguments))
         patience_s = LOOK_S if name == FINISH else PATIENCE_S
+        if name in DOCUMENTS:  # no tool gives them later
+            patience_s = math.inf
         try:
             await self._watch(context, answer, patience_s)
             if not answer.done():

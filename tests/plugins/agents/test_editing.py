@@ -3,7 +3,7 @@
 import pytest
 
 from plugins.agents.bench import Refused
-from plugins.agents.editing import change_design
+from plugins.agents.editing import change_design, list_differences
 
 DESIGN = {
     "tool_name": "rake",
@@ -47,3 +47,12 @@ def test_values_are_changed_by_their_places_and_the_design_stays():
 def test_a_place_that_is_not_there_is_named(place, reason):
     with pytest.raises(Refused, match=reason):
         change_design(DESIGN, {place: 1})
+
+
+def test_two_designs_are_compared_place_by_place():
+    change = {"tool_components.blade.size.1": 0.7, "action_sets.0.1.speed": 0.3}
+    assert list_differences(DESIGN, change_design(DESIGN, change)) == [
+        "tool_components.1.size.1: 0.4 -> 0.7",
+        "action_sets.0.1.speed: null -> 0.3",
+    ]
+    assert list_differences(DESIGN, DESIGN) == []
