@@ -196,6 +196,7 @@ class Brief:
     critiques: Mapping[str, str] = field(default_factory=dict)
     recalled: tuple[Recalled, ...] = ()  # of other runs
     curves: int = 0  # designs of a curve that a design may ask for
+    alone: bool = False  # nobody else is asked, and what comes of an answer is told
 
 
 Purpose = Literal["designs", "repairs", "critiques", "lessons", "scenes"]

@@ -149,7 +149,7 @@ class AgentSearch(EvolutionStrategy):
         elif gripper is None:
             gripper = asked.assignment.tool_kinds[0] == "gripper"
 
-        return replace(brief, gripper=gripper, n_tool=1, n_action=1)
+        return replace(brief, gripper=gripper, n_tool=1, n_action=1, alone=True)
 
     def compose(self, brief: Brief) -> tuple[Message, ...]:
         """Compose what a prompt would hold."""
