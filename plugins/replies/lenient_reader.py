@@ -56,8 +56,12 @@ def _name_action(plans: object) -> Fields:
 
     names = []
     for name, factory in installed().factories("action").items():
-        schema = factory().schema(gripper=True).get("items", {})
-        if item.keys() <= schema.get("properties", {}).keys():
+        actions = factory()
+        actions.guards = True  # a plan may have them, whether or not a run tells of them
+        actions.looks = True
+        schema = actions.schema(gripper=True).get("items", {})
+        forms = schema.get("anyOf", [schema])
+        if any(item.keys() <= form.get("properties", {}).keys() for form in forms):
             names.append(name)
 
     return {"action": names[0]} if len(names) == 1 else {}

@@ -41,8 +41,19 @@ def test_the_document_is_found_in_a_reply(reply):
     assert parse_reply(reply) == DOCUMENT
 
 
-def test_a_reply_that_names_no_action_is_read_by_its_form():
-    steps = [{"anchor": "cube", "offset": [0, 0, 0.1], "rpy": [0, 0, 0]}]
+STEP = {"anchor": "cube", "offset": [0, 0, 0.1], "rpy": [0, 0, 0]}
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        [STEP],
+        [{**STEP, "until": "touch"}],
+        [{"look": True}, STEP],
+        [{"repeat": [{"look": True}, STEP], "until_seen": {"goal": 0}, "at_most": 2}],
+    ],
+)
+def test_a_reply_that_names_no_action_is_read_by_its_form(steps):
     document = {"strategies": [{**STRATEGY, "action_sets": [steps]}]}
     (candidate,) = read_designs(document, Rod(), TASK)
     assert (candidate.problem, candidate.plan.action) == (None, "anchored")
