@@ -153,7 +153,7 @@ class Rehearsal:
     def _find_breaches(self) -> Iterator[Meeting]:
         """Ask the task's limits what they say of a world in which the robot alone moves."""
         taken = self.contacts.taken
-        if len(taken.times) < 2:
+        if len(taken.times) < 2 or not self.planned.scene.bodies:
             return
         trace = make_trace(self.planned.scene, [self.contacts])[0]
         start = trace.states[0]

@@ -116,8 +116,8 @@ class Driven(Protocol):
     def seconds(self) -> float:
         """How long the motions of these took."""
 
-    def count_left(self, each: int) -> int:
-        """Count the candidates that may still be tried, of which one takes ``each`` rollouts."""
+    def count_left(self, each: int, whole: int) -> int:
+        """Count the tries of ``each`` rollouts that the budget still holds, where a candidate takes ``whole``."""
 
     def brief(self, *, gripper: bool | None = None) -> Brief:
         """Make the assignment that the agent is told."""
@@ -251,7 +251,7 @@ class Tools:
             rollouts=search.rollouts,
             seconds=search.seconds,
             each=each,
-            left=search.count_left(each),
+            left=search.count_left(each, each),
             best=next(iter(self._ranking()), None),
             ended=self._result is not None,
         )
@@ -494,9 +494,8 @@ class Tools:
         Raises:
             Refused: the budget does not hold them.
         """
-        whole = len(self._conditions)
-        left = self._search.count_left(whole)
-        if count * each > left * whole:
+        left = self._search.count_left(each, len(self._conditions))
+        if count > left:
             raise Refused(
                 f"Nothing was tried: these are {count} candidates, and the budget holds {left} more. {self._state()}"
             )

@@ -94,14 +94,19 @@ class AgentSearch(EvolutionStrategy):
         lasted = [trial.figure("motion_s") for trial in [*played, *self.beside]]
         return math.fsum(motion_s for motion_s in lasted if math.isfinite(motion_s))
 
-    def count_left(self, each: int) -> int:
-        """Count the candidates that may still be tried, of which one takes ``each`` rollouts."""
-        left = self.most - len(self.tried) - math.ceil(len(self.beside) / each)
+    def count_left(self, each: int, whole: int) -> int:
+        """Count the tries that the budget still holds.
+
+        Args:
+            each: the rollouts that one takes.
+            whole: those that a candidate of the search takes.
+        """
+        left = (self.most - len(self.tried)) * whole - len(self.beside)
         if self.budget.n_rollouts is not None:
             # One that was refused in the scene says where things are, as one that was played does.
             refused = sum(evaluation.status == "rejected" for evaluation in self.tried)
-            left = min(left, (self.budget.n_rollouts - self.rollouts) // each - refused)
-        return max(left, 0)
+            left = min(left, self.budget.n_rollouts - self.rollouts - refused * whole)
+        return max(left // each, 0)
 
     # --- the search -----------------------------------------------------------------------------------------------
 

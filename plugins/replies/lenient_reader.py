@@ -57,7 +57,9 @@ def _name_action(plans: object) -> Fields:
     names = []
     for name, factory in installed().factories("action").items():
         actions = factory()
-        actions.guards = True  # a plan may have them, whether or not a run tells of them
+        actions.guards = (
+            True  # a plan may have them, whether or not a run tells of them
+        )
         actions.looks = True
         schema = actions.schema(gripper=True).get("items", {})
         forms = schema.get("anyOf", [schema])

@@ -174,7 +174,8 @@ def test_a_try_for_less_costs_what_it_plays(tmp_path):
     async def ask_for_less(client):
         given = {"designs": solution()}
         said["one"] = await ask(client, "try_design", {**given, "layouts": [2]})
-        said["other"] = await ask(client, "try_design", {**given, "engine": "pybullet"})
+        second = {**given, "engine": "pybullet", "layouts": [2]}
+        said["other"] = await ask(client, "try_design", second)
         said["none"] = await ask(client, "try_design", {**given, "engine": "bullet"})
         said["best"] = await ask(client, "best_designs")
         said["seen"] = await ask(client, "watch", {"candidate": "g0-a1-s0-p0"})
@@ -182,22 +183,32 @@ def test_a_try_for_less_costs_what_it_plays(tmp_path):
     async def go_on(client):
         said["again"] = await ask(client, "best_designs")
         said["whole"] = await ask(client, "try_design", {"designs": solution()})
-        said["more"] = await ask(
-            client, "try_design", {"designs": short(), "layouts": "[1]"}
-        )
+        one = {"designs": short(), "layouts": "[1]"}
+        said["last"] = await ask(client, "try_design", one)
+        said["more"] = await ask(client, "try_design", {**one, "layouts": [2]})
 
-    layouts = ("fitness=layouts", "fitness.layouts=3", "budget.n_rollouts=4")
-    words = (*SMALL, *layouts, "second=[]", "folder=run")
+    words = (
+        *SMALL,
+        "task.variation=near",
+        "fitness=layouts",
+        "fitness.layouts=3",
+        "budget.n_rollouts=5",
+        "second=[]",
+        "folder=run",
+    )
     converse(ask_for_less, tmp_path, *words)
     converse(go_on, tmp_path, *words)
     assert '"id": "g0-a1-s0-p0"' in text(said["one"])
     assert "one rollout taken" in text(said["one"])
-    assert "pybullet" in text(said["other"])
+    assert re.search(
+        r"layout 2: \d.\d+ in pybullet, \d.\d+ in mujoco", text(said["other"])
+    )
     assert "no engine 'bullet'" in text(said["none"])
     for name in ("best", "again"):
         assert "0 candidates tried, 2 rollouts taken" in text(said[name])
     assert len(pictures(said["seen"])) == 1
     assert "one candidate tried, 4 rollouts taken" in text(said["whole"])
+    assert "5 rollouts taken" in text(said["last"])
     assert "Nothing was tried" in text(said["more"])
 
 
