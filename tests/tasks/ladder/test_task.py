@@ -2,6 +2,7 @@
 
 import json
 import re
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from core.interfaces import RolloutSettings
 from core.plugins import installed
 from core.scene import Trace
 from tasks.ladder.rung import NOISES_M, noise_at
-from tasks.ladder.task import FAMILIES, draw_rung
+from tasks.ladder.task import FAMILIES, MOST_NOISE_M, Name, draw_rung
 
 every_family = pytest.mark.parametrize("family", sorted(FAMILIES))
 
@@ -62,6 +63,11 @@ def test_words_for_pictures_have_no_numbers(family):
     told = make(family, 5).in_words
     assert len(told.split()) > 15
     assert not re.search(r"\d", told)
+
+
+def test_settings_name_the_families_that_there_are():
+    assert sorted(get_args(Name)) == sorted(FAMILIES)
+    assert {*MOST_NOISE_M} <= {*FAMILIES}
 
 
 def test_places_are_seen_worse_from_level_to_level_and_no_better_than_a_run_asks():
