@@ -123,7 +123,7 @@ class Staircase:
 
     def _admit(self, level: int, drawn: int) -> Admission:
         file = self.folder / "rungs" / f"{self.family}_{level}_seed{drawn}.json"
-        chosen = ("robot", "rollout", "executor", "fitness.unseen_sims")
+        chosen = ("robot", "rollout", "executor", "protocol.")
         words = [
             *self._scene(level, drawn),
             *("tool=boxes", "designs=none", "fitness.layouts=20"),

@@ -23,7 +23,7 @@ from tests.plugins.results.report.test_tables import read_csv
 WORDS = [
     *("task=ladder", "task.family=tunnel", "task.level=1", "task.seed=0"),
     *("protocol=ladder", "tool=boxes", "designs=none", "fitness.layouts=2"),
-    *("fitness.unseen_sims=[mujoco]", "sim=mujoco", "executor.workers=1"),
+    *("protocol.engines=[mujoco]", "sim=mujoco", "executor.workers=1"),
 ]
 
 
@@ -116,7 +116,7 @@ def test_families_are_those_of_the_task():
 def test_a_rung_counts_by_what_is_tried_and_is_tried_once(tmp_path, monkeypatch):
     pytest.importorskip("mujoco")
     file = tmp_path / "rungs" / "tunnel.json"
-    words = [*WORDS, "fitness.sims=[mujoco]"]
+    words = [*WORDS, "fitness.sims=${protocol.engines}"]
     found = admit(words, file)
     assert found.refused == ""
     assert found.reference == {"mujoco": 1.0}
@@ -170,6 +170,28 @@ def test_a_rung_counts_if_it_can_be_solved_and_takes_thought(
     assert bool(found.refused) == bool(refused)
 
 
+def test_a_climb_draws_another_scene_where_one_does_not_count(tmp_path, monkeypatch):
+    tried = []
+
+    def refuse(words, file):
+        tried.append((words, file.name))
+        good = "task.seed=7" in words
+        return admission.Admission("", "" if good else "no", {}, {}, 0.0)
+
+    monkeypatch.setattr("plugins.results.study.ladder.staircase.admit", refuse)
+    words = ("vlm=offline", "robot=ur5", "protocol.engines=[mujoco]")
+    stairs = Staircase("sort", 1, 3, "m", tmp_path, words, 9)
+    assert stairs._draw(2) == (7, "")
+    names = [name for _, name in tried]
+    assert names == [f"sort_2_seed{drawn}.json" for drawn in (1, 4, 7)]
+    assert {"robot=ur5", "protocol.engines=[mujoco]"} <= {*tried[0][0]}
+    assert "vlm=offline" not in tried[0][0]
+
+    other = Staircase("sort", 2, 3, "m", tmp_path, words, 9)
+    assert other._draw(2) == (None, "no")
+    assert len(tried) == 3 + 4
+
+
 def test_words_that_differ_are_refused_for_runs_that_are_there(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(Staircase, "climb", lambda *_: steps(tunnel=[1]))
@@ -194,7 +216,7 @@ def test_what_is_no_family_is_refused(tmp_path, monkeypatch):
 def test_the_embedded_designer_climbs_and_goes_on(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     words = ["vlm=offline", "families=tunnel", "seeds=1", "most=1"]
-    words += ["executor.workers=1", "fitness.unseen_sims=[mujoco]"]
+    words += ["executor.workers=1", "protocol.engines=[mujoco]"]
     main(words)
     first = capsys.readouterr()
     assert "tunnel seed 0 level 1" in first.err
