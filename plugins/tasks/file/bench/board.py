@@ -25,6 +25,7 @@ SHEET_M = np.array([0.21, 0.297])  # A4
 _EXTENT_M: Array = np.array(COUNTS) * (MARKER_M + GAP_M) - GAP_M  # of all markers
 _DOTS_PER_M = 300 / 0.0254
 CORNER_PX = 1.0  # how well a marker's corner is found, with the print's errors
+FAR_M = 5.0  # no board lies farther from the robot: the number is of another unit
 _LEAST_MARKERS = 2
 _WORDS = f"up: forward from the robot, at yaw 0   -   print at 100 %: each marker is {1000 * MARKER_M:.0f} mm wide"
 
@@ -67,10 +68,11 @@ def find_by_board(
     photographs: Sequence[Photograph],
     place: Sequence[float],
     fov_deg: float | None = None,
+    marker_mm: float = 1000 * MARKER_M,
 ) -> list[Photograph]:
     """Find the cameras of photographs by the board, whose middle is at x, y and turned by yaw, m and degrees.
 
-    What has a view keeps it; where no board is seen, a line says so.
+    What has a view keeps it; where no board is seen, a line says so. A marker is ``marker_mm`` wide as it was printed.
 
     Raises:
         UserError: OpenCV is not installed, the place is none, or no camera sees the board so.
@@ -81,6 +83,16 @@ def find_by_board(
         )
 
     x, y, yaw_deg = place
+    if max(abs(x), abs(y)) > FAR_M:
+        unit = 100 if max(abs(x), abs(y)) < FAR_M * 100 else 1000
+        raise UsageError(
+            f"the board's place is in metres and degrees; type board=[{x / unit:g},{y / unit:g},{yaw_deg:g}] if "
+            f"board=[{x:g},{y:g},{yaw_deg:g}] was {'centimetres' if unit == 100 else 'millimetres'}"
+        )
+    if not 0 < marker_mm < 1000:
+        raise UsageError(f"board_marker_mm={marker_mm:g} is no width of a marker, mm")
+
+    scale = marker_mm / (1000 * MARKER_M)
     say(f"board: middle at ({x:g}, {y:g}), yaw {yaw_deg:g} degrees; {_YAW}")
     frame = Pose.xyz_rpy((x, y, 0.0), (0.0, 0.0, np.radians(yaw_deg)))
     cv2 = load_opencv()
@@ -104,7 +116,7 @@ def find_by_board(
         points, seen = board.matchImagePoints(corners, names)
         # On the sheet x is to the right and y down, from the first marker's corner.
         right, down = (points.reshape(-1, 3)[:, :2] - _EXTENT_M / 2).T
-        world = frame.apply(np.stack([-down, -right, 0 * right], axis=1))
+        world = frame.apply(scale * np.stack([-down, -right, 0 * right], axis=1))
         # OpenCV counts from the middle of the first pixel.
         middles = seen.reshape(-1, 2) + 0.5
         landmarks = Landmarks(world, middles, CORNER_PX, len(corners))

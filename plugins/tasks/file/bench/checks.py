@@ -28,6 +28,17 @@ def find_faults(task: FileTask) -> Iterator[str]:
     yield from _find_useless(task, task.scene(0))
 
 
+def find_needed(task: FileTask) -> set[str]:
+    """Find the bodies and marks that goals name: what is to be moved, and where."""
+    state = task.scene(0).state()
+    needed = set[str]()
+    for goal in reaches(task.goals):
+        needed.update(goal.subjects(state))
+        needed.update(name for _, name in goal.list_named())
+
+    return needed
+
+
 def measure_reach(robot: Robot) -> float:
     """Measure how far a robot's flange gets ahead of its base, m."""
     arm = arm_of(robot)

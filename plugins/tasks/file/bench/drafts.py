@@ -13,13 +13,15 @@ import numpy as np
 
 from core.errors import UserError
 from core.interfaces import Message, Robot, Text
+from core.support.cli import say
 from core.support.templates import fill
 from core.support.text import clean
 from plugins.tasks.file.bench.asking import Asker
 from plugins.tasks.file.bench.checks import find_faults, measure_reach
 from plugins.tasks.file.bench.edits import set_variation
-from plugins.tasks.file.bench.fitting import Fit, fit_seen
+from plugins.tasks.file.bench.fitting import Fit, fit_seen, place_points
 from plugins.tasks.file.bench.marks import Numbers
+from plugins.tasks.file.bench.mistakes import Evidence, find_mistake
 from plugins.tasks.file.bench.photographs import Photograph
 from plugins.tasks.file.bench.scene_replies import LONGEST, Beside, read_reply
 from plugins.tasks.file.bench.views import LEAST_PLACES, Landmarks
@@ -29,6 +31,10 @@ from plugins.tasks.file.tree import Tree
 
 PACKAGE = "plugins.tasks.file.bench"
 PLACES_PX = 8.0  # how well a model points at a place, and a person measures it
+
+
+class BenchMistake(UserError):
+    """Something is wrong with the photographs or what was measured, which no answer of a model can mend."""
 
 
 @dataclass
@@ -45,6 +51,7 @@ class Draft:
         beside: what was said beside it.
         fit: the errors of what was seen.
         faults: a line for each; none: it is sound.
+        board: x, y (m) and yaw (degrees) of the printed board; empty: there is none.
     """
 
     file: Path
@@ -56,6 +63,7 @@ class Draft:
     beside: Beside = field(default_factory=Beside)
     fit: Fit = field(default_factory=Fit)
     faults: list[str] = field(default_factory=list)
+    board: tuple[float, ...] = ()
 
     def ask(self, asker: Asker, tries: int, sentence: str) -> None:
         """Have the file written for a sentence, or changed; the last draft may have faults.
@@ -147,9 +155,16 @@ class Draft:
             if not self.faults:
                 self._find_views()
                 seen = self.beside.sightings
-                self.fit = fit_seen(self.read(), numbers, self.photographs, seen)
+                task = self.read()
+                self.fit = fit_seen(task, numbers, self.photographs, seen)
+                self._name_mistake(task, numbers)
+                if self._place_others(task):
+                    self.fit = fit_seen(task, numbers, self.photographs, seen)
+
                 self.text = numbers.write(self.fit.values)
                 self.faults = [*find_faults(self.read()), *self.fit.misses]
+        except BenchMistake:
+            raise
         except UserError as error:
             self.faults = [str(error)]
 
@@ -185,6 +200,19 @@ class Draft:
         self.text = set_variation(tree, self.text, "seen", block)
 
     @property
+    def guesses(self) -> set[str]:
+        """The bodies and marks whose numbers a photograph should have given, and none has: the model's guesses."""
+        if not self.photographs:
+            return set()
+
+        numbers = self._read_numbers()
+        return {
+            path.split(".")[1]
+            for path, mark in numbers.marks.items()
+            if mark == "seen" and "position" in path and path not in self.fit.values
+        }
+
+    @property
     def names_pictures(self) -> bool:
         """Whether the file names the pictures of the bench."""
         return self._read_pictures() is not None
@@ -196,6 +224,56 @@ class Draft:
             replace(photograph, view=self.fit.views.get(number, photograph.view))
             for number, photograph in enumerate(self.photographs)
         ]
+
+    def _name_mistake(self, task: FileTask, numbers: Numbers) -> None:
+        """Look for what a person gets wrong, before pixels are blamed.
+
+        Raises:
+            BenchMistake: it is that.
+        """
+        evidence = Evidence(self.photographs, self.beside.sightings)
+        found = find_mistake(task, numbers, evidence, self.fit, self.board)
+        if found is None:
+            return
+        if found.may_point:
+            self.fit.misses.append(found.words)
+        else:
+            raise BenchMistake(found.words)
+
+    def _place_others(self, task: FileTask) -> bool:
+        """Find the cameras of other photographs by the bodies that they share with those whose camera is known."""
+        fitted = {path.split(".")[1] for path in self.fit.values}
+        scene = task.with_numbers(self.fit.values)
+        placed = False
+        for number, photograph in enumerate(self.photographs):
+            shared = [
+                sighting
+                for sighting in self.beside.sightings
+                if sighting.photo == number + 1
+                and sighting.body in fitted
+                and len(sighting.pixels) == 2
+            ]
+            if photograph.view is not None or len(shared) < LEAST_PLACES:
+                continue
+
+            places = np.concatenate([place_points(scene, s) for s in shared])
+            pixels = np.array([sighting.pixels for sighting in shared])
+            name = photograph.picture.name
+            try:
+                found = photograph.find(
+                    Landmarks(places, pixels, PLACES_PX), self.fov_deg
+                )
+            except UserError as error:
+                say(
+                    f"{name}: no camera is found by what it shares with others: {error}"
+                )
+                continue
+
+            say(f"{name}: its camera is found by {len(shared)} points that it shares")
+            self.photographs[number] = replace(found, landmarks=None)
+            placed = True
+
+        return placed
 
     def _find_views(self) -> None:
         """Find views by known places, where enough are seen.

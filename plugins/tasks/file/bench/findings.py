@@ -56,6 +56,31 @@ def describe_fit(photographs: Sequence[Photograph], fit: Fit) -> Iterator[str]:
                 f"the pixels are wrong; look at the page, or {_PRINT}"
             )
 
+    if any(photo.landmarks and photo.landmarks.markers for photo in photographs):
+        yield (
+            "taken on faith: where the board lies, that it is flat, and how wide its markers are (50 mm, or "
+            "board_marker_mm=...); an error there moves, turns or scales the whole bench"
+        )
+    together = _measure_shift(fit)
+    if together > 0:
+        yield f"all places together may lie up to {1000 * together:.0f} mm elsewhere"
+
+
+def _measure_shift(fit: Fit) -> float:
+    """Measure how far the middle of all bodies lies at most, along x or y, from where it is in the best fit, m."""
+    shifts = []
+    for axis in ("x", "y"):
+        places = [
+            values
+            for path, values in fit.benches.items()
+            if path.endswith(f".position.{axis}") and path.count(".") == 3
+        ]
+        if places:
+            middles = np.mean(places, axis=0)
+            shifts.append(float(np.abs(middles - middles[0]).max()))
+
+    return max(shifts, default=0.0)
+
 
 def _describe_move(name: str, before: View, view: View) -> str:
     moved = np.subtract(view.camera.position, before.camera.position)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -22,6 +23,9 @@ from plugins.tasks.file.bench.views import View
 from plugins.tasks.file.task import FileTask
 
 PIXEL_PX = 6.0  # how well a model points, one standard deviation
+BASE = "robot_base"
+"""A sighting of the middle of the arm's foot, which stands at the world's origin, has this name."""
+BASE_PX = 20.0  # how well its middle is pointed at: the arm stands on it
 LEAST_PX = 1.5  # nobody points better
 PLACE_M = 0.1  # how well it says a place
 TURN_DEG = 20.0
@@ -53,6 +57,8 @@ class Fit:
         moves: how many standard deviations, at most, each camera is from where it was measured.
         off_px: by how much what was seen in each photograph is missed, root mean square, pixels.
         misses: a line for each sighting far off.
+        base_px: by how much the middle of the arm's foot is missed at most, pixels.
+        misfit: of all that was seen and measured (`measure_misfit`).
     """
 
     values: dict[str, float] = field(default_factory=dict)
@@ -61,6 +67,8 @@ class Fit:
     moves: dict[int, float] = field(default_factory=dict)
     off_px: dict[int, float] = field(default_factory=dict)
     misses: list[str] = field(default_factory=list)
+    base_px: float = 0.0
+    misfit: float = 0.0
 
 
 def fit_seen(
@@ -80,6 +88,7 @@ def fit_seen(
         return fit
 
     best, slopes = _solve(problem, np.zeros(problem.size))
+    misfit = float(np.sum(problem.miss(best) ** 2))
     # How well a person points shows in what is left.
     problem.pixel_px = _estimate_error(problem, best, slopes)
     problem.keep_apart(best)
@@ -90,6 +99,8 @@ def fit_seen(
 
     scene = task.with_numbers(fit.values)
     views = problem.bundle.move(best[count:])
+    fit.base_px = problem.measure_base(best)
+    fit.misfit = misfit
     fit.moves = problem.bundle.measure_moves(best[count:])
     for number, view in views.items():
         here = [s for s in problem.seen if s.photo == number + 1]
@@ -104,6 +115,44 @@ def fit_seen(
         ]
 
     return fit
+
+
+class Misfit(NamedTuple):
+    """How badly all that was seen and measured fits.
+
+    Attributes:
+        total: the sum of squares of standard deviations.
+        base_px: by how much the middle of the arm's foot is missed at most, pixels.
+    """
+
+    total: float
+    base_px: float
+
+
+def measure_misfit(
+    task: FileTask,
+    numbers: Numbers,
+    photographs: Sequence[Photograph],
+    sightings: Sequence[Sighting],
+    *,
+    solved: bool = True,
+) -> Misfit:
+    """Measure how badly all that was seen and measured fits.
+
+    Args:
+        task: the scene as it was written.
+        numbers: its numbers, with their marks.
+        photographs: with what is known of their cameras.
+        sightings: what was seen where.
+        solved: after the fit; else before it, which is quick, and more.
+    """
+    problem = _Problem(task, numbers, photographs, sightings)
+    shifted = np.zeros(problem.size)
+    if solved and problem.unknowns:
+        shifted, _ = _solve(problem, shifted)
+
+    total = float(np.sum(problem.miss(shifted) ** 2))
+    return Misfit(total, problem.measure_base(shifted))
 
 
 class _Problem:
@@ -132,6 +181,7 @@ class _Problem:
         self.bundle = Bundle(photographs)
         self.pixel_px = PIXEL_PX
         self.seen = [s for s in sightings if s.body in names and s.photo in known]
+        self._bases = [s for s in sightings if s.body == BASE and s.photo in known]
         sighted = {sighting.body for sighting in self.seen}
         self._touching = Touching(scene, sighted)
         follow = (self._touching.names - sighted) | self._touching.sunk
@@ -177,11 +227,10 @@ class _Problem:
         count = len(self.unknowns)
         points, apart = self._look(shifted[:count].tobytes())
         views = self.bundle.move(shifted[count:])
-        off = self._miss_sightings(points, views) / self.pixel_px
-        # What is far off counts less: a point that was taken for another one.
-        softened = off / np.sqrt(1 + np.abs(off) / 4)
+        off = _soften(self._miss_sightings(points, views) / self.pixel_px)
         landmarks = self.bundle.miss(views, shifted[count:])
-        return np.concatenate([softened, apart / APART_M, landmarks, shifted])
+        bases = _soften(self._miss_bases(views) / BASE_PX)
+        return np.concatenate([off, apart / APART_M, landmarks, bases, shifted])
 
     def slope(self, shifted: Array) -> Array:
         """Compute the slopes of `miss`, by differences: a scene is built for its own numbers only."""
@@ -195,6 +244,20 @@ class _Problem:
         last = self.seen_values + len(self._touching.pairs)
         rows: Array = slopes[self.seen_values : last, : len(self.unknowns)]
         return APART_M * rows
+
+    def measure_base(self, shifted: Array) -> float:
+        """Measure by how many pixels the middle of the arm's foot is missed at most."""
+        views = self.bundle.move(shifted[len(self.unknowns) :])
+        return float(np.abs(self._miss_bases(views)).max(initial=0.0))
+
+    def _miss_bases(self, views: Mapping[int, View]) -> Array:
+        """Compute by how many pixels the middle of the arm's foot is missed, where it is seen."""
+        off = [np.zeros(0)]
+        for sighting in self._bases:
+            drawn = views[sighting.photo - 1].project(np.zeros((1, 3)))
+            off.append(subtract_pixels(drawn, sighting))
+
+        return np.concatenate(off)
 
     def _miss_sightings(
         self, points: Sequence[Array], views: Mapping[int, View]
@@ -215,6 +278,12 @@ class _Problem:
         scene = self._task.with_numbers(self.name(np.frombuffer(shifted)))
         points = [place_points(scene, sighting) for sighting in self.seen]
         return points, self._touching.measure(scene)
+
+
+def _soften(off: Array) -> Array:
+    """Let what is far off count less: a point that was taken for another one."""
+    softened: Array = off / np.sqrt(1 + np.abs(off) / 4)
+    return softened
 
 
 def _solve(problem: _Problem, start: Array) -> tuple[Array, Array]:

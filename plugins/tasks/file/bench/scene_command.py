@@ -22,7 +22,8 @@ from core.support.templates import fill
 from core.support.text import clean
 from plugins.tasks.file.bench.asking import open_asker
 from plugins.tasks.file.bench.bench_page import draw_page
-from plugins.tasks.file.bench.board import find_by_board, print_board
+from plugins.tasks.file.bench.board import FAR_M, find_by_board, print_board
+from plugins.tasks.file.bench.checks import find_needed
 from plugins.tasks.file.bench.drafts import PACKAGE, Draft
 from plugins.tasks.file.bench.findings import describe_fit
 from plugins.tasks.file.bench.photographs import read_photographs
@@ -32,10 +33,13 @@ from plugins.tasks.file.bench.views import CameraError
 USAGE = (
     'usage: vlmgineer scene ["SENTENCE"] [FILE.yaml] [pictures=[a.jpg,b.jpg]] [cameras=[{position: [x,y,z], target: '
     "[x,y,z], fov_deg: 52}]] [camera_error={place_m: 0.01, turn_deg: 1, fov_deg: 1}] [board=[x,y,yaw_deg]] "
-    "[known={mug.height: 0.095, table_corner: [1.35,0.5,0]}] [vlm=NAME] "
+    "[board_marker_mm=50] [known={mug.height: 0.095, table_corner: [1.35,0.5,0]}] [vlm=NAME] "
     "[tries=3] [output=FILE.yaml], or print_board=board.pdf"
 )
 _KNOWN = TypeAdapter(dict[str, float | tuple[float, float, float]])
+_LENGTH = re.compile(
+    r"(height|width|length|depth|radius|diameter|wall|thickness|size|[xyz])$"
+)
 _SETTING = re.compile(r"-|[+~]?[\w./@]+=")
 
 
@@ -47,10 +51,12 @@ class SceneFileConfig(RunConfig):
         pictures: files of photographs.
         cameras: where they were taken from, in their order; ``position``, ``target`` and vertical ``fov_deg``.
         board: where the middle of the printed board lies on the table, x and y, m, and its yaw, degrees.
+        board_marker_mm: how wide a marker of the board is, as it was printed; measure it.
         print_board: write the board to this file, PDF or PNG, and nothing else.
         camera_error: how far off the cameras may be, one standard deviation: ``place_m``, ``turn_deg``, ``fov_deg``,
             ``bend`` (of the lens), ``board_m`` and ``board_deg``.
         fov_deg: of photographs whose camera is found, vertical, degrees; not given: what their EXIF says, or 53.
+        accept_guesses: go on where a place that a goal needs is the model's guess, which no photograph fixes.
         tries: how often a model may answer.
         output: the file to write.
     """
@@ -59,8 +65,10 @@ class SceneFileConfig(RunConfig):
     cameras: list[dict[str, Any]] = field(default_factory=list)
     camera_error: Any = None
     board: list[float] = field(default_factory=list)
+    board_marker_mm: float = 50.0
     print_board: str = ""
     fov_deg: float | None = None
+    accept_guesses: bool = False
     tries: int = 3
     output: str = "my_scene.yaml"
 
@@ -91,7 +99,9 @@ def main(words: list[str]) -> None:
     error = _read_error(cfg.camera_error)
     photographs = read_photographs(cfg.pictures, cameras, error)
     if cfg.board:
-        photographs = find_by_board(photographs, list(cfg.board), cfg.fov_deg)
+        photographs = find_by_board(
+            photographs, list(cfg.board), cfg.fov_deg, cfg.board_marker_mm
+        )
 
     draft = Draft(
         output.with_suffix(".draft.yaml"),
@@ -99,6 +109,7 @@ def main(words: list[str]) -> None:
         _read_known("".join(known)),
         part(ROBOT, cfg.robot).create(),
         cfg.fov_deg,
+        board=tuple(cfg.board),
     )
     if given:
         draft.text = read_text(output, cfg.output)
@@ -116,7 +127,19 @@ def main(words: list[str]) -> None:
             f"{draft.file} is not sound yet; mend it by hand, or say more in the sentence:{faults}"
         )
 
+    guesses = () if given else sorted(draft.guesses)
+    needed = find_needed(draft.read())
+    if needed.intersection(guesses) and not cfg.accept_guesses:
+        write_bytes(draft.file, draft.text.encode())
+        names = ", ".join(sorted(needed.intersection(guesses)))
+        raise UserError(
+            f"{draft.file}: where {names} stands is the model's guess, since no photograph whose camera is known shows "
+            "it; take one with the board in it (board=[x,y,yaw_deg]), or go on with accept_guesses=true"
+        )
+
     _write(cfg, draft)
+    if guesses:
+        say(f"the model's guess, which no photograph fixes: {', '.join(guesses)}")
     if before:
         changes = difflib.ndiff(before, draft.text.splitlines())
         say(*[line for line in changes if line[0] in "+-"])
@@ -168,12 +191,23 @@ def _read_known(word: str) -> dict[str, Any]:
     """Read what a person knows, by any names; Hydra would take a name with a point apart."""
     text = word.removeprefix("known=") or "{}"
     try:
-        return _KNOWN.validate_python(yaml.safe_load(text.replace(":", ": ")))
+        known = _KNOWN.validate_python(yaml.safe_load(text.replace(":", ": ")))
     except (ValidationError, yaml.YAMLError) as error:
         raise UsageError(
             f"can't read known={clean(text, LONGEST)}; give numbers or places, such as known={{mug.height: 0.095, "
             "table_corner: [1.35, 0.5, 0]}"
         ) from error
+
+    for name, value in known.items():
+        metres = [abs(x) for x in value] if isinstance(value, tuple) else [abs(value)]
+        is_length = isinstance(value, tuple) or _LENGTH.search(name)
+        if is_length and max(metres) > FAR_M:
+            raise UsageError(
+                f"known={{{name}: ...}} is in metres, and has {max(metres):g}; of millimetres that is "
+                f"{max(metres) / 1000:g}, of centimetres {max(metres) / 100:g}"
+            )
+
+    return known
 
 
 def _write(cfg: DictConfig, draft: Draft) -> None:
