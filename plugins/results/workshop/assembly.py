@@ -52,33 +52,21 @@ def draw_apart(
 
 
 def _move_apart(count: int, joints: Sequence[Joint]) -> Array:
-    """Return by how much pieces are moved (N, 3), mm: with all that they carry, from the first on."""
-    moved = np.zeros((count, 3))
-    for joint in joints:
+    """Return by how much pieces are moved (N, 3), mm: each away from those that it is joined to; the first one stays.
+
+    In a loop not all ways can be kept; then they are as near to it as possible.
+    """
+    moves = np.zeros((len(joints) + 1, count))
+    ways = np.zeros((len(joints) + 1, 3))
+    moves[-1, 0] = 1.0
+    for row, joint in enumerate(joints):
         below, above = joint.pieces
-        way = APART * joint.reach_mm * joint.along
-        carried = _reach_from(above, below, joints)
-        sign = 1.0
-        if 1 in carried:
-            carried = _reach_from(below, above, joints)
-            sign = -1.0
+        moves[row, above - 1] = 1.0
+        moves[row, below - 1] = -1.0
+        ways[row] = APART * joint.reach_mm * joint.along
 
-        moved[[number - 1 for number in carried]] += sign * way
-
-    return moved
-
-
-def _reach_from(piece: int, without: int, joints: Sequence[Joint]) -> list[int]:
-    """List the pieces that hang together with a piece where another is taken away; pieces have no loops."""
-    found = [piece]
-    for number in found:
-        for joint in joints:
-            if number in joint.pieces:
-                (other,) = set(joint.pieces) - {number}
-                if other != without and other not in found:
-                    found.append(other)
-
-    return found
+    moved, *_ = np.linalg.lstsq(moves, ways, rcond=None)
+    return np.asarray(moved)
 
 
 def _face_eye(mesh: trimesh.Trimesh) -> trimesh.Trimesh:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from core.design import Component
-from core.geometry import Array
+from core.geometry import Array, Pose
 from core.values.materials import Material
 from core.values.printers import Printer
 from plugins.results.workshop.joints import (
@@ -17,6 +17,7 @@ from plugins.results.workshop.joints import (
     KERF_MM,
     REACH_MM,
     Joint,
+    Make,
     Profile,
     is_prism,
     make_joint,
@@ -31,8 +32,10 @@ MOST_PIECES = 12
 LEAST_MM = 2 * REACH_MM[0]  # of a component along which it is cut
 STEP_MM = 20.0  # between cuts that are tried
 TRIED = 6  # cuts that have room, of which the best is taken
+PARALLEL = 0.999  # cosine from which two components lie along one direction
 UNFIRM_MM = 30.0  # of excess: what a piece that stands on little counts as
-SLIVER = 0.95  # of the thinnest wall that is asked for or was there: a cut leaves nothing thinner
+SPARE = 1.1  # times the thinnest wall that is asked for, a cut leaves at least,
+KEPT = 0.95  # or so much of the thinnest one that was there
 WASTE = 0.3  # of a piece: where supports take more, it is cut into two that lie flat, if a cut does it
 
 
@@ -43,13 +46,41 @@ class Cut(NamedTuple):
         component: its number in its link.
         axis: of the component's own, along which the shaft is.
         at_mm: from the component's middle.
-        rank: the less, the better it seems: pieces that do not fit, by how much, and the room that pieces take.
+        flipped: whether its axis is against that of the cut before it, which opens a loop together with it.
     """
 
     component: int
     axis: int
     at_mm: float
+    flipped: bool = False
+
+
+class Cuts(NamedTuple):
+    """Cuts that part a piece: one, or two that open a loop.
+
+    Attributes:
+        rank: the less, the better they seem: pieces that do not fit, by how much, and the room that pieces take.
+        cuts: both along one direction.
+    """
+
     rank: tuple[float, float, float]
+    cuts: tuple[Cut, ...]
+
+
+class Halves(NamedTuple):
+    """Two pieces, joined.
+
+    Attributes:
+        rank: by how they lie; the less, the better.
+        joints: between them.
+        below: the piece with the tongues, a Manifold.
+        above: the piece with the sockets.
+    """
+
+    rank: tuple[float, float, float]
+    joints: tuple[Joint, ...]
+    below: Any
+    above: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,9 +143,8 @@ def cut_to_fit(
             done.append(piece)
             continue
 
-        joint, below, above = halves
-        joints.append(joint)
-        waiting += [below, above]
+        joints += halves.joints
+        waiting += [halves.below, halves.above]
 
     return Pieces(tuple(done), tuple(joints))
 
@@ -140,35 +170,78 @@ class _Cutter:
         self._solids = [union([placed]) for placed in link.shapes]
         self._profiles: dict[tuple[int, int, int], Profile | None] = {}
 
-    def cut(self, solid: Any, lying: Lying) -> tuple[Joint, Any, Any] | None:
+    def cut(self, solid: Any, lying: Lying) -> Halves | None:
         """Cut a piece where that is best; None: no cut has room, none makes it better, or each leaves a sliver.
+
+        Where no single cut parts it, two cuts open a loop.
 
         Args:
             solid: the piece, a Manifold in millimetres.
             lying: it as it lies.
-
-        Returns:
-            The joint, the piece with the tongue, and that with the socket.
         """
+        for listed in (self._list_cuts(solid), self._list_openings(solid)):
+            found = self._find_halves(solid, listed)
+            if found:
+                return self._choose(found, lying)
+
+        return None
+
+    def _find_halves(self, solid: Any, listed: Iterable[Cuts]) -> list[Halves]:
+        """Join a piece at the cuts that seem best, of those that have room."""
         found = []
-        for cut in sorted(self._list_cuts(solid), key=lambda cut: cut.rank):
-            halves = self._join(solid, cut)
+        for cuts in sorted(listed, key=lambda cuts: cuts.rank):
+            halves = self._join(solid, cuts.cuts)
             if halves is not None:
                 found.append(halves)
             if len(found) == TRIED:
                 break
 
-        thin = min(self._printer.min_wall_mm, thinnest(lying.mesh))
-        for rank, joint, below, above in sorted(found, key=lambda halves: halves[0]):
-            if lying.fits and rank[0] > 0:
+        return found
+
+    def _choose(self, found: Sequence[Halves], lying: Lying) -> Halves | None:
+        """Choose the best of some; None: none makes the piece better, or each leaves a sliver."""
+        thin = min(SPARE * self._printer.min_wall_mm, KEPT * thinnest(lying.mesh))
+        for halves in sorted(found, key=lambda halves: halves.rank):
+            if lying.fits and halves.rank[0] > 0:
                 break
-            if all(thinnest(to_mesh(half)) > SLIVER * thin for half in (below, above)):
-                return joint, below, above
+            walls = [thinnest(to_mesh(half)) for half in (halves.below, halves.above)]
+            if min(walls) >= thin:
+                return halves
 
         return None
 
-    def _list_cuts(self, solid: Any) -> Iterator[Cut]:
-        """Yield cuts that part a piece, as they seem."""
+    def _list_cuts(self, solid: Any) -> Iterator[Cuts]:
+        """Yield single cuts that part a piece, as they seem."""
+        for cut in self._list_places():
+            halves = self._part(solid, (cut,))
+            if halves is not None:
+                yield Cuts(self._rank(halves), (cut,))
+
+    def _list_openings(self, solid: Any) -> Iterator[Cuts]:
+        """Yield pairs of cuts that part a loop, across two components beside each other, as they seem."""
+        for cut in self._list_places():
+            place = self._frame(cut.component, cut.axis, cut.at_mm)[:3]
+            for other, (shape, pose) in enumerate(self._link.shapes):
+                if other <= cut.component:
+                    continue
+
+                along = pose.rotation_matrix.T @ place[:, 2]
+                axis = int(np.abs(along).argmax())
+                middle, size = shape.bounds
+                at_mm = float(
+                    (place[:, 3] - 1000 * pose.apply(middle))
+                    @ pose.rotation_matrix[:, axis]
+                )
+                if abs(along[axis]) < PARALLEL or abs(at_mm) > 500 * size[axis]:
+                    continue
+
+                beside = Cut(other, axis, at_mm, bool(along[axis] < 0))
+                halves = self._part(solid, (cut, beside))
+                if halves is not None:
+                    yield Cuts(self._rank(halves), (cut, beside))
+
+    def _list_places(self) -> Iterator[Cut]:
+        """Yield where components may be cut that are long enough."""
         for number, (shape, _) in enumerate(self._link.shapes):
             size = shape.bounds[1]
             for axis in range(3):
@@ -176,12 +249,9 @@ class _Cutter:
                 if length < LEAST_MM:
                     continue
 
-                for at_mm in np.linspace(
-                    -length / 2, length / 2, max(3, int(length / STEP_MM) + 1)
-                ):
-                    halves = self._part(solid, number, axis, float(at_mm))
-                    if halves is not None:
-                        yield Cut(number, axis, float(at_mm), self._rank(halves))
+                count = max(3, int(length / STEP_MM) + 1)
+                for at_mm in np.linspace(-length / 2, length / 2, count):
+                    yield Cut(number, axis, float(at_mm))
 
     def _frame(self, number: int, axis: int, at_mm: float, turned: int = 0) -> Array:
         """Return the frame of a cut across a component.
@@ -227,19 +297,17 @@ class _Cutter:
 
         return None if profile is None else (frame, profile)
 
-    def _part(
-        self, solid: Any, number: int, axis: int, at_mm: float
-    ) -> tuple[Any, Any] | None:
-        """Part a piece at a component, on either side of the place; None: it does not fall into two."""
-        found = self._profile(number, axis, at_mm) or self._profile(
-            number, axis, at_mm, 1
-        )
-        if found is None:
-            return None
+    def _part(self, solid: Any, cuts: Sequence[Cut]) -> tuple[Any, Any] | None:
+        """Part a piece at components, on either side of each place; None: it does not fall into two."""
+        for cut in cuts:
+            place = (cut.component, cut.axis, cut.at_mm)
+            found = self._profile(*place) or self._profile(*place, 1)
+            if found is None:
+                return None
+            frame, profile = found
+            solid = solid - profile.grown(FREE_MM).solid(frame, 0.0, KERF_MM)
 
-        frame, profile = found
-        slab = profile.grown(FREE_MM).solid(frame, 0.0, KERF_MM)
-        pieces = (solid - slab).decompose()
+        pieces = solid.decompose()
         if len(pieces) != 2:
             return None
 
@@ -263,32 +331,47 @@ class _Cutter:
         large = sum(excess > 0 for excess in excesses)
         return float(large), round(sum(excesses), 1), room
 
-    def _join(
-        self, solid: Any, cut: Cut
-    ) -> tuple[tuple[float, float, float], Joint, Any, Any] | None:
-        """Cut a piece and make the joint, as it is turned best; None: it has no room."""
+    def _join(self, solid: Any, cuts: Sequence[Cut]) -> Halves | None:
+        """Cut a piece and make the joints, as they are turned best; None: one has no room."""
         found = []
         for turned in range(4):
-            shaft = self._profile(cut.component, cut.axis, cut.at_mm, turned)
-            if shaft is None:
+            made = [self._make_joint(solid, cut, turned) for cut in cuts]
+            joints = [joint for joint in made if joint is not None]
+            if len(joints) < len(cuts):
                 continue
 
-            frame, profile = shaft
-            component = self._components[cut.component]
-            joint = make_joint(component, frame, profile, self._fit, self._material)
-            if joint is None or not joint.room.is_in(solid):
+            if len(joints) > 1:
+                slabs = tuple(joint.slab for joint in joints)
+                joints = [replace(joint, beside=slabs) for joint in joints]
+            halves = joints[0].split(solid)
+            if halves is None:
+                continue
+            below, above = halves
+            if not all(_slides(joint, below, above) for joint in joints):
+                continue
+            if any(find_pieces(joint, halves) != (0, 1) for joint in joints[1:]):
                 continue
 
-            halves = joint.split(solid)
-            if halves is None or not _slides(joint, *halves):
-                continue
-
-            below, above = joint.finish(*halves)
-            found.append((self._judge((below, above)), joint, below, above))
-            if joint.thicker_mm == 0:
+            for joint in joints:
+                below, above = joint.finish(below, above)
+            rank = self._judge((below, above))
+            found.append(Halves(rank, tuple(joints), below, above))
+            if all(joint.thicker_mm == 0 for joint in joints):
                 break  # another turn would lie as well
 
-        return min(found, key=lambda halves: halves[0], default=None)
+        return min(found, key=lambda halves: halves.rank, default=None)
+
+    def _make_joint(self, solid: Any, cut: Cut, turned: int) -> Joint | None:
+        """Make the joint of a cut, with its frame turned (`_frame`); None: it has no room in a piece."""
+        turned ^= int(cut.flipped)
+        shaft = self._profile(cut.component, cut.axis, cut.at_mm, turned)
+        if shaft is None:
+            return None
+
+        frame, profile = shaft
+        component = self._components[cut.component]
+        joint = make_joint(component, frame, profile, self._fit, self._material)
+        return joint if joint is not None and joint.room.is_in(solid) else None
 
     def _judge(self, pieces: Sequence[Any]) -> tuple[float, float, float]:
         """Rank pieces by how they lie: those that do not, by how much, and what printing takes."""
@@ -307,11 +390,13 @@ class _Cutter:
             f"leave {REACH_MM[0] + 5:.0f} mm of a component straight and free of others"
         )
         number = self._components.index(longest)
-        parting = (cut for cut in self._list_cuts(piece) if cut.component == number)
+        parting = (
+            cuts for cuts in self._list_cuts(piece) if cuts.cuts[0].component == number
+        )
         if length >= LEAST_MM and next(parting, None) is None:
             free = (
-                "open it: it is closed like a frame, a tray or a tube, which no single cut parts, while a hook, a "
-                "comb or a fork comes in pieces"
+                "open it: it is closed like a tray or a tube, which no two cuts part, while a hook, a comb, a fork or "
+                "a frame comes in pieces"
             )
 
         return (
@@ -351,13 +436,22 @@ def _distinct(directions: Array) -> Array:
     return np.array(kept)
 
 
-def find_pieces(joint: Joint, solids: Sequence[Any]) -> tuple[int, int]:
-    """Say which pieces, Manifolds, a joint joins: the number of that with the tongue, and of that with the socket."""
-    below = union([joint.probe])
-    above = below.translate(tuple((joint.reach_mm + 2.5) * joint.along))
+def find_pieces(
+    joint: Joint, solids: Sequence[Any], make: Make = union
+) -> tuple[int, int]:
+    """Say which pieces a joint joins: the number of that with the tongue, and of that with the socket.
+
+    Args:
+        joint: between two of them.
+        solids: the pieces; of one that is not cut yet both numbers are its.
+        make: makes what is looked for in them, as they are made.
+    """
+    shape, pose = joint.probe
+    ahead = Pose((joint.reach_mm + 2.5) / 1000 * joint.along)
     numbers = []
-    for probe in (below, above):
-        shared = [(solid ^ probe).volume() for solid in solids]
+    for probe in ((shape, pose), (shape, ahead @ pose)):
+        looked_for = make([probe])
+        shared = [(solid ^ looked_for).volume() for solid in solids]
         numbers.append(int(np.argmax(shared)))
 
     return numbers[0], numbers[1]

@@ -16,6 +16,7 @@ from core.errors import UsageError
 from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape, Sphere
 from core.support.cli import write_bytes
 from plugins.results.workshop.body import Body
+from plugins.results.workshop.cutting import find_pieces
 from plugins.results.workshop.printing import Check
 from plugins.results.workshop.solid import Placed, to_mesh, union
 from plugins.results.workshop.tool import PrintedTool
@@ -246,11 +247,15 @@ def _cut(printed_tool: PrintedTool, body: Body) -> list[Exact]:
         if joint.component not in body.link.names:
             continue
 
-        probe = make_exact([joint.probe])
-        cut = max(pieces, key=lambda piece: (piece ^ probe).volume())
-        halves = joint.split(cut, make_exact)
-        assert halves is not None, f"{joint.name} does not part the exact solid"
-        pieces.remove(cut)
-        pieces += joint.finish(*halves, make_exact)
+        below, above = (pieces[n] for n in find_pieces(joint, pieces, make_exact))
+        pieces = [piece for piece in pieces if piece not in (below, above)]
+        if (
+            below is above
+        ):  # a cut that opens a loop beside another one has parted it already
+            halves = joint.split(below, make_exact)
+            assert halves is not None, f"{joint.name} does not part the exact solid"
+            below, above = halves
+
+        pieces += joint.finish(below, above, make_exact)
 
     return pieces

@@ -115,6 +115,7 @@ class Joint:
         screw: one of the two.
         name: of the component that stands for it in simulation.
         pieces: the numbers of the piece with the tongue and of that with the socket.
+        beside: the slabs of all cuts that open a loop together with this one; empty: it parts the solid alone.
     """
 
     component: str
@@ -131,6 +132,7 @@ class Joint:
     screw: str
     name: str = "joint"
     pieces: tuple[int, int] = (0, 0)
+    beside: tuple[Placed, ...] = ()
 
     @property
     def place(self) -> Array:
@@ -166,7 +168,7 @@ class Joint:
         Returns:
             The piece that gets the tongue, and that which gets the socket.
         """
-        pieces = (solid - make([self.slab])).decompose()
+        pieces = (solid - make([self.slab, *self.beside])).decompose()
         if len(pieces) != 2:
             return None
 

@@ -165,8 +165,8 @@ def test_a_thin_rod_comes_in_closed_pieces():
     assert {line.partition(":")[0] for line in failing(made)} <= {"weight"}
 
 
-def bars(length, width):
-    """A post that bears a square of bars: closed, or open on one side."""
+def bars(length, width, floor=False):
+    """A post that bears a square of bars: closed, or open on one side; with a floor it is a tray."""
     far = (length - width) / 2
     post = Component("post", "tool_mount", at(0, 0, -0.05), Box((0.03, 0.03, 0.1)))
     near = Component("near", "post", at(0, 0, -0.05), Box((width, length, width)))
@@ -177,15 +177,44 @@ def bars(length, width):
         ("far", 2 * far, 0, (width, length, width)),
     ):
         parts.append(Component(name, "near", at(x, y, 0), Box(size)))
+    if floor:
+        size = (length, length, 0.004)
+        parts.append(Component("floor", "near", at(far, 0, -width / 2), Box(size)))
 
     return parts
+
+
+@pytest.fixture(scope="module")
+def loop():
+    return make(Tool(tuple(bars(0.3, 0.02))))
+
+
+def test_a_loop_is_opened_by_two_cuts_along_one_direction(loop):
+    assert failing(loop) == []
+    assert all(part.lying.fits for part in loop.parts)
+    opening = [joint for joint in loop.joints if joint.beside]
+    assert len(opening) == 2
+    first, second = opening
+    assert first.along @ second.along == pytest.approx(1)
+
+    for joint in loop.joints:
+        below, above = (loop.parts[number - 1].solid for number in joint.pieces)
+        assert below is not above
+        for share in (0.0, 0.5, 1.0):
+            drawn_off = above.translate(tuple(share * joint.reach_mm * joint.along))
+            assert (drawn_off ^ below).volume() < 1
+
+
+def test_exact_solids_of_a_loop_are_its_pieces(loop, tmp_path):
+    pytest.importorskip("OCP")
+    assert write_step(loop, tmp_path).passed
 
 
 @pytest.mark.parametrize(
     ("tool", "plate", "said"),
     [
         (HOOK, 20.0, "shorten arm"),
-        (Tool(tuple(bars(0.3, 0.02))), 180.0, "open it: it is closed like a frame"),
+        (Tool(tuple(bars(0.3, 0.02, floor=True))), 180.0, "open it: it is closed like"),
         (Tool(tuple(bars(0.3, 0.02)[:1])), 20.0, "mm of a component straight and free"),
         (
             Tool(
