@@ -59,8 +59,8 @@ class Cage(Way):
         if closed:
             depth = job.size[0] + 2 * values["room"]
 
-        # The body strikes the wall before it in its middle, and each of the others at its end.
-        length = depth + (inside / 2 if closed else 0.0)
+        # The wall before the body is borne by the left one alone, and by half of the one behind.
+        length = depth + (inside if closed else 0.0)
         thick = job.find_thickness(length, values["thick"], _MOST_THICK_M, height)
         pieces = build_walls(thick, inside, depth, height)
         if closed:

@@ -14,7 +14,7 @@ from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import Range, Ranges, Way
 
-_PLATE_M = 0.01  # thick: the plate at the flange, and the crossbar before it
+_PLATE_M = 0.012  # thick: the plate at the flange, and the crossbar before it
 _PLATE_WIDTH_M = 0.06  # covers a flange
 _PLATE_MARGIN_M = 0.035  # goes on above the flange's middle, and below the channels'
 _CROSSBAR_HEIGHT_M = 0.03  # stiff enough for a full vessel
