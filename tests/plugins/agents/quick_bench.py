@@ -1,7 +1,7 @@
 """A bench without a run, for tests of the protocol: it notes what it does, and is slow where it is told to be.
 
-``python -m tests.plugins.agents.quick_bench FILE [PORT]``. ``watch`` of the candidate ``slow`` takes two seconds, and
-``try_design`` and ``finish`` go on until there is a file ``FILE.done``.
+``python -m tests.plugins.agents.quick_bench FILE``. ``watch`` of the candidate ``slow``, ``try_design`` and ``finish``
+go on until there is a file ``FILE.done``.
 """
 
 import sys
@@ -19,27 +19,30 @@ class Desk:
     def __init__(self, file):
         self.file = file
 
+    def hold(self):
+        """Wait until there is the file that ends it."""
+        while not Path(f"{self.file}.done").exists():
+            time.sleep(0.02)
+
     def do(self, name, arguments):
         with self.file.open("a") as notes:
             notes.write(f"{name} {arguments.get('candidate', '')}\n")
         if name in ("try_design", "finish"):
             raise Later(None if name == "finish" else "{}")
         if arguments.get("candidate") == "slow":
-            time.sleep(2)
+            self.hold()
         return [Text(name + "." * arguments.get("count", 0))]
 
 
-def main(file, port=None):
-    streams = _take_streams() if port is None else None
+def main(file):
+    streams = _take_streams()
     bench = open_bench(_interrupt)
     bench.desk = Desk(Path(file))
-    _start_server(bench, port and int(port), streams)
-    done = Path(f"{file}.done")
+    _start_server(bench, None, streams)
     try:
         while True:
             bench.wait()
-            while not done.exists():
-                time.sleep(0.05)
+            bench.desk.hold()
             bench.answer(lambda: [Text("what came of it")])
     except KeyboardInterrupt:
         print("the agent has left", file=sys.stderr)
