@@ -98,6 +98,9 @@ def take_arm(_file: Path, cfg: DictConfig) -> Taken:
         lines += _describe_beyond(arm, found.robot)
 
     given = [f"robot={named.name}", *_write_settings(cfg.robot), *hand, home_word]
+    if chosen.flange is None:
+        given.append(f"robot.flange={hydra_word(arm.flange)}")
+
     words = [*given, *found.words]
     lines.append(f"type next: python -m core.run {shlex.join(words)} task=BringCube")
     return Taken(lines, words, _find_frames(words))
