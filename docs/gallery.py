@@ -434,7 +434,7 @@ def _section(task: str, figures: dict[str, Any]) -> str:
         "",
         f"{GOALS[task]} {_verdict(figures)}",
         "",
-        f"> {_first_sentences(model['says'], 2)}",
+        f"> {_first_sentences(model['says'], 1)}",
         "",
         f"![{task} with the model's tool](images/gallery/{task}.webp)",
         "",
