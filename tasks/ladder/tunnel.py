@@ -14,20 +14,24 @@ from tasks.ladder.designs import THICK_M, bar, box, design, post, waypoint
 from tasks.ladder.rung import SURE, Entry, Rung
 
 MOST_NOISE_M = 0.005  # a wider tunnel lets a straight rod through
+MOST_DEG = 115  # beyond, the rod's root begins where the tunnel ends
 RADIUS_M = 0.16
 HEIGHT_M = 0.06  # of the tunnel's middle
 WALL_M = 0.01
 DEEP_M = 0.015  # how far the button must go
 SPARE_M = 0.004  # beyond that
-PIECES = 10
+PIECE_RAD = 0.16  # of the rod and of the tunnel, which are polygons
+ROUND_M = (
+    0.006  # of the gap, for corners and sides of these, and for what the arm misses
+)
 DROP_M = 0.3
 SPOKE_M = 0.255  # of the arm from the post to the arc, below the flange
 STOP_RAD = 0.12  # from the end of the arc to where the button waits
 
 
 def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
-    angle = math.radians(min(60 + 10 * level, 140) + rng.uniform(-5, 5))
-    gap = (THICK_M + 2 * SURE * noise_m + 0.003) * (1 + 0.5 / level)
+    angle = math.radians(min(60 + 10 * level, MOST_DEG) + rng.uniform(-5, 5))
+    gap = (THICK_M + 2 * SURE * noise_m + ROUND_M) * (1 + 0.5 / level)
     x = 0.5 + rng.uniform(-0.02, 0.02)
     button_at = angle / 2 + 0.08
     travel = DEEP_M + 2 * (SURE * noise_m + SPARE_M)
@@ -83,7 +87,7 @@ def _around(turn: float, radius: float = RADIUS_M) -> list[float]:
 
 def _walls(angle: float, gap: float, travel: float) -> list[Entry]:
     """Write the tunnel's walls, floor and roof, and the plate that closes it behind the button."""
-    count = math.ceil(angle / 0.16)
+    count = math.ceil(angle / PIECE_RAD)
     step = angle / count
     side = gap / 2 + WALL_M / 2
     end = angle / 2 + 0.08 + (travel + 0.012) / RADIUS_M
@@ -120,7 +124,8 @@ def _part(
 
 def _arc(reach: float) -> list[Entry]:
     """Write a rod bent about the post's axis: its tip at a turn of 0, its root ``reach`` before, carried by a spoke."""
-    corners = [_around(-reach * number / PIECES) for number in range(PIECES + 1)]
+    count = math.ceil(reach / PIECE_RAD)
+    corners = [_around(-reach * number / count) for number in range(count + 1)]
     root = corners[-1]
     spoke = bar("spoke", (0, 0), (root[0], root[1]), "post", 0.02, SPOKE_M)
     tall = DROP_M - SPOKE_M + THICK_M / 2
@@ -133,7 +138,7 @@ def _arc(reach: float) -> list[Entry]:
     )
     parts = [post(SPOKE_M), spoke, drop]
     parent = "drop"
-    for number in range(PIECES, 0, -1):
+    for number in range(count, 0, -1):
         start = (corners[number][0], corners[number][1])
         end = (corners[number - 1][0], corners[number - 1][1])
         parts.append(bar(f"arc_{number}", start, end, parent))
