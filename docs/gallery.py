@@ -381,7 +381,8 @@ def _evolution(task: str, figures: dict[str, Any]) -> list[str]:
     earned = " | ".join(f"{_span(round_)}" for round_ in found)
     rooms = " | ".join(f"{100 * round_['room']:.0f} %" for round_ in found)
     said = []
-    for title, round_ in zip(ROUNDS.values(), found, strict=True):
+    later = [*zip(ROUNDS.values(), found, strict=True)][1:]
+    for title, round_ in later:
         words = _first_sentences(round_["says"], 2)
         said += [f"> **{title}**: {words}", ">"]
 
@@ -471,22 +472,18 @@ def _mass(figures: dict[str, Any]) -> str:
 
 def _printed_table(figures: dict[str, Any]) -> str:
     """Write a table of the tools made of PLA: pieces, hours and grams of filament, and what they earn then."""
-    heads = " | ".join(f"{title}: printing | it earns" for title in TITLES.values())
     lines = [
         "## Printed in PLA",
         "",
-        "Pieces, hours and grams of filament on a Prusa MK4 by PrusaSlicer, and the reward when the tool weighs and",
+        "Pieces, hours and grams of filament of the model's tools on a Prusa MK4, and the reward when they weigh and",
         "bends as PLA. A tool that bends too far or breaks is refused. One that is too large has no pieces that fit",
         "the plate.",
         "",
-        f"| task | {heads} |",
-        "|---" * (1 + 2 * len(TITLES)) + "|",
+        "| task | printing | it earns |",
+        "|---|---|---|",
     ]
     for task in sorted(figures):
-        cells = []
-        for name in TITLES:
-            cells += _print_cells(figures[task].get(name, {}))
-
+        cells = _print_cells(figures[task]["model"])
         lines.append(f"| {task} | {' | '.join(cells)} |")
 
     return "\n".join([*lines, ""])
