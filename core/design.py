@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from core.errors import Refusal
 from core.values.contents import digest
 from core.values.plans import ActionPlan, Waypoints
 from core.values.tools import (
@@ -47,8 +48,9 @@ class Candidate:
     """A tool and one action plan, which are tried together; a plan may differ by task (`ActionPlan.of`).
 
     An array (N, 6) or (N, 7) as ``plan`` stands for literal `Waypoints`.
-    ``problem`` says which rule the design breaks, so that it can't be tried; then ``tool`` may be None and ``plan``
-    empty. `id` is made of ``generation``, ``agent``, ``design`` and ``action``. ``varied`` is set in a curve.
+    ``problem`` says which rule the design breaks, so that it can't be tried, and ``refusals`` say so to programs, as
+    far as there are codes; then ``tool`` may be None and ``plan`` empty. `id` is made of ``generation``, ``agent``,
+    ``design`` and ``action``. ``varied`` is set in a curve.
     """
 
     tool: Tool | None
@@ -63,6 +65,7 @@ class Candidate:
     parents: tuple[str, ...] = ()
     problem: str | None = None
     varied: Varied | None = None
+    refusals: tuple[Refusal, ...] = ()
 
     def __post_init__(self) -> None:
         if isinstance(self.plan, np.ndarray):  # for short: literal waypoints

@@ -5,7 +5,8 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, TypeVar
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Self, TypeVar
 
 T = TypeVar("T")
 
@@ -13,7 +14,88 @@ RAISED = (Exception, SystemExit)
 """What to catch around the code of a plugin. `sys.exit` raises no Exception, and must not end a run without a word."""
 
 
-class UserError(Exception):
+@dataclass(frozen=True)
+class Refusal:
+    """Why something was refused, for a program: such as ``E_COUNT`` with ``{"count": 101, "most": 100}``.
+
+    Attributes:
+        code: that of a `Reason`.
+        values: what the words name; the end of a name is the unit.
+    """
+
+    code: str
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Reason:
+    """An entry of the catalogue of refusals: a code that stays, and words in which values stand by their names.
+
+    For example::
+
+        COUNT = Reason("E_COUNT", "the tool has {count} components; at most {most} are allowed")
+        raise DesignError.because(COUNT, count=101, most=100)
+
+    Args:
+        code: begins with ``E_``.
+        words: a format string.
+
+    Raises:
+        ValueError: another reason has this code.
+    """
+
+    catalogue: ClassVar[dict[str, str]] = {}
+    """The words of each code."""
+
+    def __init__(self, code: str, words: str) -> None:
+        if self.catalogue.setdefault(code, words) != words:
+            raise ValueError(f"two reasons have the code {code}")
+        self.code = code
+        self.words = words
+
+    def refusal(self, **values: Any) -> Refusal:
+        """Make the refusal for these values; numpy's numbers become Python's."""
+        plain = {
+            name: value.item() if hasattr(value, "item") else value
+            for name, value in values.items()
+        }
+        return Refusal(self.code, plain)
+
+
+class CodedError(Exception):
+    """An error that may say its code; one that was raised ``from`` another has that one's."""
+
+    _refusals: tuple[Refusal, ...] = ()
+
+    @property
+    def refusals(self) -> tuple[Refusal, ...]:
+        """The codes and values of all that is wrong; empty: there is no code for it."""
+        if not self._refusals and isinstance(self.__cause__, CodedError):
+            return self.__cause__.refusals
+        return self._refusals
+
+    @classmethod
+    def because(cls, reason: Reason, **values: Any) -> Self:
+        """Build the error for a reason of the catalogue."""
+        error = cls(reason.words.format(**values))
+        return error.coded(reason.refusal(**values))
+
+    def placed(self, words: str, /, **values: Any) -> Self:
+        """Build the same error with words before its own, and values beside those of its reason."""
+        error = type(self)(f"{words}{self}")
+        return error.coded(
+            *(
+                Refusal(found.code, {**values, **found.values})
+                for found in self.refusals
+            )
+        )
+
+    def coded(self, *refusals: Refusal) -> Self:
+        """Return the error, with these refusals as its own."""
+        self._refusals = refusals
+        return self
+
+
+class UserError(CodedError):
     """A mistake of the user; the message says what is wrong, where, and what is possible.
 
     Attributes:
@@ -41,7 +123,7 @@ class Problems(list[UserError]):
             whole.problems = [
                 problem for error in self for problem in error.problems or [error]
             ]
-            raise whole
+            raise whole.coded(*(found for error in self for found in error.refusals))
 
 
 class NoPicture(UserError):
@@ -71,6 +153,10 @@ class NoAnswer(UserError):
 
 class SharedByThreads(UserError):
     """Two threads of a process play at once; the message says what to do."""
+
+
+UNKNOWN = Reason("E_UNKNOWN", "no {kind} {name!r}; possible: {possible}")
+BEYOND_0 = Reason("E_NOT_POSITIVE", "{name} must be greater than 0, got {given}")
 
 
 class Fault(Exception):
@@ -113,10 +199,10 @@ def check_positive(where: str, **numbers: float | None) -> None:
     """
     for name, number in numbers.items():
         if number is not None and not (math.isfinite(number) and number > 0):
-            raise UsageError(f"{where}{name} must be greater than 0, got {number}")
+            raise UsageError.because(BEYOND_0, name=where + name, given=number)
 
 
-class WrongPart(ValueError):
+class WrongPart(CodedError, ValueError):
     """One of the parts of a whole can't be, such as a joint of a scene.
 
     Args:
@@ -163,4 +249,6 @@ def choices(
     )
     place = f" in {where}" if where else ""
     listed = ", ".join(known) or "none"
-    return UsageError(f"no {kind} {wrong!r}{place}{hint}; possible: {listed}")
+    refusal = UNKNOWN.refusal(kind=kind, name=wrong, possible=known)
+    message = f"no {kind} {wrong!r}{place}{hint}; possible: {listed}"
+    return UsageError(message).coded(refusal)

@@ -15,6 +15,7 @@ from typing import Any, Literal, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from core.design import Candidate, Tool
+from core.errors import Refusal
 from core.scene import Scene
 from core.task import Task
 from core.values.efforts import Effort, Held, holds, least_share
@@ -192,6 +193,7 @@ class Trial:
         status: ``ok``; ``rejected``: the design breaks a rule there; or ``failed``: the rollout failed.
         reward: 0..1; 0 where it was rejected or failed.
         reason: why it was rejected, failed, or earns nothing; or empty.
+        refusals: why it was rejected, for programs, as far as there are codes; the store does not keep it.
         solved: whether it did what the task wants (`Task.is_solved`).
         moved_m: the distance of each free body's end from its start.
         warnings: what else is to be said of it.
@@ -224,6 +226,7 @@ class Trial:
     measured: dict[str, float] = field(default_factory=dict)
     figures: dict[str, float] = field(default_factory=dict)
     torques: dict[str, float] = field(default_factory=dict)
+    refusals: tuple[Refusal, ...] = ()
 
     @property
     def task(self) -> str:
@@ -396,6 +399,13 @@ class Evaluation:
         if self.shown is None:
             return self.candidate.problem or ""
         return self.score.reason or self.shown.reason
+
+    @property
+    def refusals(self) -> tuple[Refusal, ...]:
+        """Why it was rejected, for programs, as far as there are codes."""
+        if self.shown is None:
+            return self.candidate.refusals
+        return self.shown.refusals
 
     @property
     def why_nothing(self) -> str:

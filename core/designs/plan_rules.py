@@ -16,6 +16,7 @@ from core.robot.paths import KNOT_M, KNOT_RAD
 from core.scene import Scene
 from core.solids.record_rate import sample_hz
 from core.support.text import kind
+from core.values import refusals
 
 MAX_WAYPOINTS = 200
 """The most waypoints of a plan."""
@@ -62,13 +63,11 @@ def check_plan(plan: object, *, gripper: bool) -> Array:
         plan = plan.tolist()
 
     if not isinstance(plan, list | tuple):
-        raise DesignError(
-            f"an action plan must be a list of waypoints, not {kind(plan)}"
-        )
+        raise DesignError.because(refusals.PLAN_LIST, given=kind(plan))
 
     if not 1 <= len(plan) <= MAX_WAYPOINTS:
-        raise DesignError(
-            f"the action plan has {len(plan)} waypoints; between 1 and {MAX_WAYPOINTS} are needed"
+        raise DesignError.because(
+            refusals.PLAN_COUNT, count=len(plan), least=1, most=MAX_WAYPOINTS
         )
 
     faults = Faults()
@@ -89,31 +88,46 @@ def check_waypoint(waypoint: object, where: str, gripper: bool) -> None:
     names = WAYPOINT if gripper else WAYPOINT[:6]
 
     if not isinstance(waypoint, list | tuple):
-        raise DesignError(
-            f"{where} must be a list of {len(names)} numbers, not {kind(waypoint)}"
+        raise DesignError.because(
+            refusals.WAYPOINT_LIST,
+            where=where,
+            needed=len(names),
+            given=kind(waypoint),
         )
 
     if len(waypoint) != len(names):
-        raise DesignError(
-            f"{where} has {len(waypoint)} numbers, {len(names)} are needed: {', '.join(names)}"
+        raise DesignError.because(
+            refusals.WAYPOINT_COUNT,
+            where=where,
+            count=len(waypoint),
+            needed=len(names),
+            names=", ".join(names),
         )
 
     faults = Faults()
     for name, number, limits in zip(names, waypoint, _RANGES, strict=False):
         least, most, unit = limits
         if isinstance(number, bool) or not isinstance(number, int | float):
-            faults.append(f"{where}: {name} must be a number, not {kind(number)}")
+            faults.add(
+                refusals.WAYPOINT_NUMBER, where=where, name=name, given=kind(number)
+            )
         # Refuses nan, and integers that are too large for a float, too.
         elif not least <= number <= most:
-            faults.append(
-                f"{where}: {name} is {number!r:.20}; it must be between {least:g} and {most:g} {unit}"
+            faults.add(
+                refusals.WAYPOINT_RANGE,
+                where=where,
+                name=name,
+                given=number,
+                least=least,
+                most=most,
+                unit=unit,
             )
     faults.refuse()
 
     away = math.hypot(*waypoint[:3])
     if away > MAX_REACH_M:
-        raise DesignError(
-            f"{where} is {away:.2f} m from the world's origin; at most {MAX_REACH_M:g} m are allowed"
+        raise DesignError.because(
+            refusals.WAYPOINT_FAR, where=where, away_m=away, most_m=MAX_REACH_M
         )
 
 
@@ -125,10 +139,14 @@ def _check_length(poses: Array) -> None:
     knots = np.ceil(np.maximum(metres / KNOT_M, radians / KNOT_RAD))
 
     if knots.sum() > MAX_KNOTS:
-        raise DesignError(
-            f"the way through the waypoints is {metres.sum():.0f} m and {radians.sum():.0f} rad long; at most "
-            f"{MAX_KNOTS} steps are allowed, each of {KNOT_M:g} m or {KNOT_RAD:g} rad and at least one to each "
-            f"waypoint, and it takes {knots.sum():.0f}"
+        raise DesignError.because(
+            refusals.WAY_LENGTH,
+            way_m=metres.sum(),
+            turn_rad=radians.sum(),
+            steps=int(knots.sum()),
+            most=MAX_KNOTS,
+            step_m=KNOT_M,
+            step_rad=KNOT_RAD,
         )
 
 
@@ -171,8 +189,12 @@ def check_tempo(plan: Waypoints, home: Pose, most_s: float) -> None:
 
     for name, asked in (("speed", tempo.speeds), ("time", tempo.seconds)):
         for k in np.flatnonzero(asked < MIN_TEMPO)[:1]:
-            raise DesignError(
-                f"waypoint {k + 1}: a {name} of {asked[k]:g} is too small; give {MIN_TEMPO:g} or more"
+            raise DesignError.because(
+                refusals.TEMPO,
+                waypoint=k + 1,
+                name=name,
+                given=asked[k],
+                least=MIN_TEMPO,
             )
 
     places = np.vstack([home.position, plan.poses[:, :3]])
@@ -182,9 +204,7 @@ def check_tempo(plan: Waypoints, home: Pose, most_s: float) -> None:
     seconds = float(np.nansum(asked) + tempo.waits.sum())
 
     if seconds > most_s:
-        raise DesignError(
-            f"the plan asks for {seconds:.4g} s; at most {most_s:g} s are allowed"
-        )
+        raise DesignError.because(refusals.PLAN_TIME, time_s=seconds, most_s=most_s)
 
 
 def check_motion(
@@ -212,9 +232,7 @@ def check_motion(
     most = settings.max_motion_s
 
     if seconds > most:
-        raise DesignError(
-            f"the motion takes {seconds:.1f} s under the arm's limits, more than {most:.0f} s; use fewer waypoints"
-        )
+        raise DesignError.because(refusals.MOTION_TIME, time_s=seconds, most_s=most)
 
     if settings.penetration == "ignore" and not settings.observe:
         return 0.0
@@ -224,9 +242,13 @@ def check_motion(
     poses = count * seconds * hz
 
     if poses > MAX_POSES:
-        raise DesignError(
-            f"the tool's {count} parts would be looked at {hz:.0f} times a second for {seconds:.0f} s, which "
-            f"is {poses:.2g} poses; at most {MAX_POSES:.2g} are computed: move slower, or use fewer and thicker parts"
+        raise DesignError.because(
+            refusals.MOTION_POSES,
+            count=count,
+            rate_hz=hz,
+            time_s=seconds,
+            poses=poses,
+            most=MAX_POSES,
         )
 
     return hz

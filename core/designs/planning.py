@@ -28,6 +28,7 @@ from core.plugins import ACTION, PluginPart
 from core.plugins.blame import call_part
 from core.scene import Scene
 from core.support.text import kind
+from core.values import refusals
 
 # Keep these random numbers apart from others of the same seed.
 _NOISE = 7
@@ -42,9 +43,7 @@ def named_actions(design: dict[Any, Any]) -> ActionRepresentation:
     """
     name = design.get("action", Waypoints.action)
     if not isinstance(name, str):
-        raise DesignError(
-            f"'action' is {kind(name)}; it must be the name of an action representation"
-        )
+        raise DesignError.because(refusals.ACTION_WORD, given=kind(name))
 
     part: PluginPart[ActionRepresentation] = PluginPart(ACTION.name, name)
     try:

@@ -28,7 +28,7 @@ from core.designs.tool_fields import (
     read_tool,
     read_words,
 )
-from core.errors import UsageError, UserError
+from core.errors import Refusal, UsageError, UserError
 from core.interfaces import ActionRepresentation, Task, ToolRepresentation, Waypoints
 from core.plugins import installed
 from core.plugins.blame import call_part
@@ -270,9 +270,10 @@ def _read_design(
         actions = actions or named_actions(fields)
         plans = _read_action_sets(fields, actions, gripper)
     except DesignError as error:
-        problem = base.problem or str(error)
+        if base.problem is None:
+            base = replace(base, problem=str(error), refusals=error.refusals)
         for action in range(max(1, len(_list_written(design, "action_sets")))):
-            yield replace(base, action=action, problem=problem)
+            yield replace(base, action=action)
         return
 
     for action, raw in enumerate(plans):
@@ -290,6 +291,7 @@ def _read_tool(
     """Read the tool of a design into a candidate, unless one is given; with the rule that it breaks, if any."""
     tool = base.tool
     problem = None
+    refusals: tuple[Refusal, ...] = ()
 
     try:
         if tool is None:
@@ -299,8 +301,9 @@ def _read_tool(
             start.check(tool)
     except DesignError as error:
         problem = str(error)
+        refusals = error.refusals
 
-    return replace(base, tool=tool, problem=problem)
+    return replace(base, tool=tool, problem=problem, refusals=refusals)
 
 
 def _read_plan(
@@ -320,7 +323,8 @@ def _read_plan(
         return replace(base, plan=parse_plan(actions, raw, gripper))
     except DesignError as error:
         faults = filter(None, (base.problem, f"action plan {base.action + 1}: {error}"))
-        return replace(base, problem="; ".join(faults))
+        refusals = (*base.refusals, *error.refusals)
+        return replace(base, problem="; ".join(faults), refusals=refusals)
 
 
 def _read_parents(design: object, elites: tuple[str, ...]) -> tuple[str, ...]:

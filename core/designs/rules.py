@@ -7,12 +7,13 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
 from core.designs.statics import check_weight
-from core.errors import UserError
+from core.errors import Reason, UserError
 from core.geometry import Array, Pose, Sphere
 from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins import describe_part, installed
@@ -25,6 +26,7 @@ from core.robot.solids import (
     solids_of,
 )
 from core.support.text import short_numbers, shorten
+from core.values import refusals
 from core.values.materials import PAPER, Material
 
 MAX_COMPONENTS = 100
@@ -89,9 +91,8 @@ def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
     if tool.gripper:
         check_gripper(robot)
     if not tool.components:
-        raise DesignError(
-            f"the tool has no components; hang at least one from {' or '.join(tool.mounts)}"
-        )
+        mounts = " or ".join(tool.mounts)
+        raise DesignError.because(refusals.NO_COMPONENTS, mounts=mounts)
 
     _check_components(tool, material)
     faults = Faults()
@@ -118,10 +119,9 @@ def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
 
 def _check_components(tool: Tool, material: Material) -> None:
     """Check the number of components, and each by itself."""
-    if len(tool.components) > MAX_COMPONENTS:
-        raise DesignError(
-            f"the tool has {len(tool.components)} components; at most {MAX_COMPONENTS} are allowed"
-        )
+    count = len(tool.components)
+    if count > MAX_COMPONENTS:
+        raise DesignError.because(refusals.COUNT, count=count, most=MAX_COMPONENTS)
 
     faults = Faults()
     for component in tool.components:
@@ -132,7 +132,7 @@ def _check_components(tool: Tool, material: Material) -> None:
     faults.refuse()
 
 
-class Faults(list[str]):
+class Faults(list[DesignError]):
     """The faults of one design, of which all are named at once."""
 
     @contextmanager
@@ -141,18 +141,23 @@ class Faults(list[str]):
         try:
             yield
         except DesignError as error:
-            self.append(f"{where}{error}")
+            self.append(error.placed(where))
+
+    def add(self, reason: Reason, **values: Any) -> None:
+        """Keep a fault for a reason of the catalogue."""
+        self.append(DesignError.because(reason, **values))
 
     def refuse(self) -> None:
         """Raise DesignError if there are faults."""
         if self:
-            raise DesignError("; ".join(self[:MAX_FAULTS]))
+            whole = DesignError("; ".join(map(str, self[:MAX_FAULTS])))
+            raise whole.coded(*(found for fault in self for found in fault.refusals))
 
 
 def _check_tool_mass(tool: Tool) -> None:
     if tool.mass < MIN_TOOL_KG:
-        raise DesignError(
-            f"the tool weighs {tool.mass:.3g} kg; at least {MIN_TOOL_KG:g} kg is needed"
+        raise DesignError.because(
+            refusals.TOO_LIGHT, mass_kg=tool.mass, least_kg=MIN_TOOL_KG
         )
 
 
@@ -163,38 +168,49 @@ def check_gripper(robot: Robot) -> None:
         DesignError: it has none.
     """
     if robot.gripper is None:
-        raise DesignError(
-            f"{robot.title} has no gripper; design one rigid tool, with 'gripper' false"
-        )
+        raise DesignError.because(refusals.NO_GRIPPER, robot=robot.title)
 
 
 def _check_component(component: Component) -> None:
     """Check a component's name and sizes."""
     if not NAME.fullmatch(component.name):
-        raise DesignError(
-            f"component name {shorten(component.name)} is not 1 to 64 letters, digits, '_', '.' or '-'"
-        )
+        raise DesignError.because(refusals.NAME, name=shorten(component.name))
+
     for axis, side in zip("xyz", component.shape.bounds[1].tolist(), strict=True):
-        fault = f"component {component.name!r} is {side:.6g} m long in {axis}"
-        _check_between(side, MIN_SIDE_M, MAX_SIDE_M, "m", fault)
+        if not MIN_SIDE_M <= side <= MAX_SIDE_M:
+            raise DesignError.because(
+                refusals.SIDE,
+                component=component.name,
+                axis=axis,
+                side_m=side,
+                least_m=MIN_SIDE_M,
+                most_m=MAX_SIDE_M,
+            )
 
 
 def _check_mass(component: Component) -> None:
     """Check a mass that a model wrote, and the density that follows from it."""
     mass = component.mass
-    fault = f"component {component.name!r} weighs {mass:.6g} kg"
-    _check_between(mass, MIN_COMPONENT_KG, MAX_COMPONENT_KG, "kg", fault)
-    volume = component.shape.volume
-    fault = f"{fault} in {volume:.3g} m^3, a density of {mass / volume:.3g} kg/m^3"
-    _check_between(mass / volume, MIN_DENSITY, MAX_DENSITY, "kg/m^3", fault)
+    if not MIN_COMPONENT_KG <= mass <= MAX_COMPONENT_KG:
+        raise DesignError.because(
+            refusals.MASS,
+            component=component.name,
+            mass_kg=mass,
+            least_kg=MIN_COMPONENT_KG,
+            most_kg=MAX_COMPONENT_KG,
+        )
 
-
-def _check_between(
-    value: float, least: float, most: float, unit: str, fault: str
-) -> None:
-    """Refuse a value that is not within its limits; ``fault`` says what it is."""
-    if not least <= value <= most:
-        raise DesignError(f"{fault}; it must be between {least:g} and {most:g} {unit}")
+    density = mass / component.shape.volume
+    if not MIN_DENSITY <= density <= MAX_DENSITY:
+        raise DesignError.because(
+            refusals.DENSITY,
+            component=component.name,
+            mass_kg=mass,
+            volume_m3=component.shape.volume,
+            density_kg_m3=density,
+            least_kg_m3=MIN_DENSITY,
+            most_kg_m3=MAX_DENSITY,
+        )
 
 
 def _check_extent(tool: Tool) -> None:
@@ -204,9 +220,12 @@ def _check_extent(tool: Tool) -> None:
         mount, pose = placed[component.name]
         reach = float(np.linalg.norm(pose.apply(component.shape.corners), axis=1).max())
         if reach > MAX_EXTENT_M:
-            raise DesignError(
-                f"component {component.name!r} reaches {reach:.3g} m from {mount}; a tool must end within "
-                f"{MAX_EXTENT_M:g} m of its mount"
+            raise DesignError.because(
+                refusals.EXTENT,
+                component=component.name,
+                reach_m=reach,
+                mount=mount,
+                most_m=MAX_EXTENT_M,
             )
 
 
@@ -259,9 +278,12 @@ def check_contacts(tool: Tool, robot: Robot | None) -> Mapping[str, Array]:
 
         if gap > most:
             way = describe_way(frame.rotation.apply(gap * direction), mount)
-            faults.append(
-                f"component {name!r} is {gap * 1000:.1f} mm away from its {neighbour}; move it by {way}, or lengthen "
-                "it until they touch"
+            faults.add(
+                refusals.GAP,
+                component=name,
+                gap_mm=1000 * gap,
+                neighbour=neighbour,
+                way=way,
             )
         points[name] = frame.apply(point)
 
@@ -280,7 +302,7 @@ def check_goals(tool: Tool, task: Task) -> None:
     Raises:
         DesignError: they name a fixture that it lacks, or ask more of it than it is.
     """
-    Faults(task.find_goal_faults(tool.fixture)).refuse()
+    Faults(map(DesignError, task.find_goal_faults(tool.fixture))).refuse()
 
 
 def given_tool(representation: ToolRepresentation, task: Task) -> Tool | None:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.design import Fixture, Tool
+from core.design import DesignError, Fixture, Tool
 from core.designs.rules import Faults, check_goals, describe_way
 from core.designs.tool_fields import find_fixture_faults
 from core.geometry import Array, Pose
@@ -26,6 +26,7 @@ from core.robot.solids import (
 )
 from core.scene import Scene
 from core.solids.escape import Trap, find_trap
+from core.values import refusals
 
 MAX_ARM_OVERLAP_M = 0.001  # at the start; the scene may not even be touched
 _CLEAR_M = 0.001  # from what it overlapped, by the way out
@@ -92,7 +93,7 @@ class SpawnRules:
             faults += [*self._find_faults(tool)] or [*self._find_traps(tool)]
         faults.refuse()
 
-    def _find_faults(self, tool: Tool) -> Iterator[str]:
+    def _find_faults(self, tool: Tool) -> Iterator[DesignError]:
         """Say what each component overlaps at the start."""
         arm, frames = self._arm(tool.gripper)
         placed = [*_place_tool(tool, frames)]
@@ -110,7 +111,7 @@ class SpawnRules:
             rest = _Others(Obstacles(halves), arm, self._scene, carriers)
             yield from _describe_overlaps(group, rest)
 
-    def _find_traps(self, tool: Tool) -> Iterator[str]:
+    def _find_traps(self, tool: Tool) -> Iterator[DesignError]:
         """Say what keeps a tool, or its fixture, from being brought to where it starts."""
         if self.task.tool_in_place:
             return
@@ -155,11 +156,36 @@ class _Placed(NamedTuple):
 
 
 class _Overlap(NamedTuple):
-    """What a component overlaps at the start: in words, the way out (3,) in the world, and what else would help."""
+    """What a component overlaps at the start.
 
-    what: str
+    Attributes:
+        component: its name.
+        depth_m: how deep it is inside.
+        other: inside what, in words.
+        way: (3,) the way out, in the world.
+        mend: what else would help, in words.
+    """
+
+    component: str
+    depth_m: float
+    other: str
     way: Array
     mend: str
+
+    def refuse(self, mend: str = "") -> DesignError:
+        """Build the error that says so."""
+        depth = "touching"
+        if self.depth_m > _TOUCH_M:
+            depth = f"{1000 * self.depth_m:.1f} mm inside"
+
+        return DesignError.because(
+            refusals.START_INSIDE,
+            component=self.component,
+            depth=depth,
+            depth_mm=1000 * self.depth_m,
+            other=self.other,
+            mend=mend,
+        )
 
 
 class _Others(NamedTuple):
@@ -198,17 +224,16 @@ def _find_overlaps(group: Iterable[_Placed], others: _Others) -> list[_Overlap]:
                 if -gap <= most:
                     continue
 
-                depth = "touching"
-                if -gap > _TOUCH_M:
-                    depth = f"{-gap * 1000:.1f} mm inside"
-                start = f"component {part.solid.name!r} starts {depth}"
                 way = (gap - _CLEAR_M) * direction
-                found.append(_Overlap(f"{start} {name.format(other.name)}", way, mend))
+                where = name.format(other.name)
+                found.append(_Overlap(part.solid.name, -gap, where, way, mend))
 
     return found
 
 
-def _describe_overlaps(group: Sequence[_Placed], others: _Others) -> Iterator[str]:
+def _describe_overlaps(
+    group: Sequence[_Placed], others: _Others
+) -> Iterator[DesignError]:
     """Say what the components that hang from one mount overlap, and the one way on which all of them come out."""
     overlaps = _find_overlaps(group, others)
     if not overlaps:
@@ -216,17 +241,19 @@ def _describe_overlaps(group: Sequence[_Placed], others: _Others) -> Iterator[st
 
     *first, last = overlaps
     for overlap in first:
-        yield overlap.what
+        yield overlap.refuse()
 
     way = _find_way_out(group, others) if first else last.way
     if way is None:
-        yield f"{last.what}; no move of the whole tool helps: shorten it, turn it, or bend it around what is there"
+        yield last.refuse(
+            "; no move of the whole tool helps: shorten it, turn it, or bend it around what is there"
+        )
         return
 
     mount = group[0].mount
     turned = group[0].frame.rotation.inv().apply(way)
     moved = "all of these components" if first else "it"
-    yield f"{last.what}; move {moved} by {describe_way(turned, mount)}{last.mend}"
+    yield last.refuse(f"; move {moved} by {describe_way(turned, mount)}{last.mend}")
 
 
 def _find_way_out(group: Sequence[_Placed], others: _Others) -> Array | None:
@@ -302,7 +329,7 @@ def _place_fixture(fixture: Fixture) -> Iterator[Solid]:
 
 def _describe_trap(
     what: str, trap: Trap | None, links: Collection[str]
-) -> Iterator[str]:
+) -> Iterator[DesignError]:
     """Say why a tool or a fixture can't have been brought to where it starts.
 
     Args:
@@ -318,7 +345,10 @@ def _describe_trap(
         part = f"the arm ({trap.part})"
 
     x, y, z = (round(float(value), 1) + 0.0 for value in trap.direction)
-    yield (
-        f"nothing could have brought the {what} to its start: even straight out along ({x:g}, {y:g}, {z:g}) {part} "
-        f"goes through {trap.body!r}, and no way around was found; start outside, and let the plan bring it in"
+    yield DesignError.because(
+        refusals.TRAPPED,
+        what=what,
+        direction=f"({x:g}, {y:g}, {z:g})",
+        part=part,
+        body=trap.body,
     )

@@ -9,6 +9,7 @@ import numpy as np
 from core.design import DesignError, Tool
 from core.interfaces import Robot
 from core.robot.kinematics import arm_of, open_mounts
+from core.values import refusals
 from core.values.materials import Material
 
 GRAVITY = 9.81  # m/s^2
@@ -65,19 +66,27 @@ def check_weight(tool: Tool, robot: Robot, material: Material) -> None:
         DesignError: with the figures, and the component that weighs most.
     """
     heaviest = max(tool.components, key=lambda component: component.mass)
-    mend = f"component {heaviest.name!r} weighs most, {heaviest.mass:.3g} kg: make parts thinner, shorter or fewer"
+    weighs = {
+        "mass_kg": tool.mass,
+        "heaviest": heaviest.name,
+        "heaviest_kg": heaviest.mass,
+    }
     most_kg, why = mass_limit(robot, material)
 
     if tool.mass > most_kg:
-        raise DesignError(f"the tool weighs {tool.mass:.3g} kg; {why}; {mend}")
+        raise DesignError.because(
+            refusals.TOO_HEAVY, most_kg=most_kg, limit=why, **weighs
+        )
     if material.density_kg_m3 is None:
         return
 
     moment = flange_moment(tool, robot)
     most = moment_limit(robot)
     if moment > most:
-        raise DesignError(
-            f"the tool, of {tool.mass:.3g} kg, turns the wrist with {moment:.3g} N m, its centre of mass being "
-            f"{moment / GRAVITY / tool.mass:.3g} m from the mount; at most {most:g} N m are allowed; {mend}, or bring "
-            "heavy parts closer to the mount"
+        raise DesignError.because(
+            refusals.MOMENT,
+            moment_n_m=moment,
+            most_n_m=most,
+            away_m=moment / GRAVITY / tool.mass,
+            **weighs,
         )

@@ -23,6 +23,7 @@ from core.plugins.blame import call_part
 from core.robot.solids import Solid, closest, solids_of
 from core.scene import FIXTURE, Region
 from core.support.text import clean, kind
+from core.values import refusals
 
 MAX_OVERLAP_M = 1e-4
 """The most that a fixture may be inside anything at the start."""
@@ -45,7 +46,7 @@ def read_fields(
     if isinstance(design, Unread):
         raise DesignError(design.reason)
     if not isinstance(design, dict):
-        raise DesignError(f"{what} is {kind(design)}, not an object")
+        raise DesignError.because(refusals.NO_OBJECT, what=what, given=kind(design))
     return reader().read_fields(design, call_part(representation, "schema", dict))
 
 
@@ -60,7 +61,7 @@ def read_gripper(fields: Fields, given: Tool | None, task: Task) -> bool:
 
     gripper = fields.get("gripper", False)
     if not isinstance(gripper, bool):
-        raise DesignError(f"'gripper' is {kind(gripper)}; it must be true or false")
+        raise DesignError.because(refusals.GRIPPER_WORD, given=kind(gripper))
 
     if gripper:
         check_gripper(task.robot)
@@ -123,15 +124,13 @@ def _read_fixture(
     if given is None:
         return None
     if task.fixture is None:
-        raise DesignError(
-            f"{task.name} has no place for a fixture; leave 'fixture' out"
-        )
+        raise DesignError.because(refusals.NO_PLACE, task=task.name)
     fields = read_fields(given, representation, "'fixture'")
     numbers: Any = fields.get("pose")
     check_waypoint(numbers, "fixture: pose", gripper=False)
     parts: Tool = call_part(representation, "parse", Tool, fields, gripper=False)
     if parts.bearers:
-        raise DesignError("fixture: a component has a joint, and a fixture has none")
+        raise DesignError.because(refusals.FIXTURE_JOINT)
     pose = Pose.xyz_rpy(numbers[:3], numbers[3:])
     # A design does not choose which way is up where goals measure at it.
     return Fixture(representation.material.made(parts), pose).upright
@@ -151,7 +150,7 @@ def find_fixture_faults(
     region: Region | None,
     fixed: Set[str],
     others: Sequence[Solid],
-) -> Iterator[str]:
+) -> Iterator[DesignError]:
     """Say what is wrong with where a fixture stands.
 
     Args:
@@ -161,16 +160,20 @@ def find_fixture_faults(
         others: what else there is at the start.
     """
     if region is None:
-        yield "the scene has no place for a fixture"
+        yield DesignError("the scene has no place for a fixture")
         return
 
     for component in fixture.parts.components:
-        name = f"component {component.name!r} of the fixture"
+        name = component.name
         _, pose = fixture.parts.placed()[component.name]
         parts = solids_of(component.name, component.shape, fixture.pose @ pose)
         if any(not region.holds(*part.bounds()) for part in parts):
-            box = f"{region.low} to {region.high}"
-            yield f"{name} is not within the task's region, {box}"
+            yield DesignError.because(
+                refusals.FIXTURE_OUTSIDE,
+                component=name,
+                low=region.low,
+                high=region.high,
+            )
 
         least = math.inf
         for other in others:
@@ -178,7 +181,14 @@ def find_fixture_faults(
             if other.name in fixed:
                 least = min(least, gap)
             if gap < -MAX_OVERLAP_M:
-                yield f"{name} starts {-1000 * gap:.1f} mm inside {other.name!r}; move it"
+                yield DesignError.because(
+                    refusals.FIXTURE_INSIDE,
+                    component=name,
+                    depth_mm=-1000 * gap,
+                    other=other.name,
+                )
 
         if component.parent in fixture.parts.mounts and least > MAX_MOUNT_GAP_M:
-            yield f"{name} hangs in the air, {1000 * least:.1f} mm from what is fixed"
+            yield DesignError.because(
+                refusals.FIXTURE_HANGS, component=name, gap_mm=1000 * least
+            )

@@ -10,6 +10,7 @@ from core.design import Candidate, DesignError, Tool
 from core.designs.plan_rules import check_motion, find_turn_warnings
 from core.designs.planning import resolve
 from core.designs.start import SpawnRules
+from core.errors import Refusal
 from core.interfaces import (
     Begin,
     Motion,
@@ -33,6 +34,7 @@ from core.solids.penetration import Finding
 from core.solids.record_rate import MAX_HZ
 from core.solids.self_collision import find_self_collision
 from core.trial import Condition, Status, Trial
+from core.values import refusals
 from core.values.traces import TRACE_HZ
 
 # Layouts and engines share what is made of one plan. A task of a third party may not be hashable.
@@ -67,8 +69,8 @@ def prepare(
 
     most_s = plan.most_seconds(settings.perception.look_s)
     if most_s > settings.max_motion_s:
-        raise DesignError(
-            f"with all its loops the plan may ask for {most_s:.4g} s; at most {settings.max_motion_s:g} s are allowed"
+        raise DesignError.because(
+            refusals.LOOP_TIME, time_s=most_s, most_s=settings.max_motion_s
         )
 
     waypoints = resolve(plan, task, seed, settings, scene)
@@ -127,7 +129,11 @@ def _plan_on(
         collision = find_self_collision(task.robot, tool, motion.trajectory)
         if collision is not None:
             where = collision.describe(motion.arrivals)
-            raise DesignError(f"on from there, {where}; {collision.mend}")
+            raise DesignError.because(
+                refusals.ARM_IN_ITSELF,
+                where=f"on from there, {where}",
+                mend=collision.mend,
+            )
 
     return motion
 
@@ -195,9 +201,17 @@ class Attempt:
         assert self.job.scene is not None  # `prepare` gives one to each job
         return self.job.scene
 
-    def end(self, stage: Stage, status: Status, reason: str) -> None:
+    def end(
+        self,
+        stage: Stage,
+        status: Status,
+        reason: str,
+        refusals: tuple[Refusal, ...] = (),
+    ) -> None:
         """Let it earn nothing."""
-        self.trial = Trial(stage.where, self.candidate.id, status, reason=reason)
+        self.trial = Trial(
+            stage.where, self.candidate.id, status, reason=reason, refusals=refusals
+        )
 
 
 def plan_attempt(stage: Stage, candidate: Candidate) -> Attempt:
@@ -208,7 +222,7 @@ def plan_attempt(stage: Stage, candidate: Candidate) -> Attempt:
         _prepare_job(stage, attempt)
         _check_self_collision(stage, attempt)
     except DesignError as error:
-        attempt.end(stage, "rejected", str(error))
+        attempt.end(stage, "rejected", str(error), error.refusals)
 
     return attempt
 
@@ -231,7 +245,9 @@ def _check_self_collision(stage: Stage, attempt: Attempt) -> None:
     warning = collision.describe(motion.arrivals)
     attempt.warnings += (warning,)
     if penetration == "forbid":
-        raise DesignError(f"{warning}; {collision.mend}")
+        raise DesignError.because(
+            refusals.ARM_IN_ITSELF, where=warning, mend=collision.mend
+        )
 
 
 def _prepare_job(stage: Stage, attempt: Attempt) -> None:
@@ -246,7 +262,8 @@ def _prepare_job(stage: Stage, attempt: Attempt) -> None:
     settings = stage.settings
 
     if candidate.problem is not None or candidate.tool is None:
-        raise DesignError(candidate.problem or "there is no tool")
+        error = DesignError(candidate.problem or "there is no tool")
+        raise error.coded(*candidate.refusals)
     if condition.examiner is not None:
         refusal = condition.examiner.refuse(condition, candidate)
         if refusal is not None:
@@ -254,7 +271,7 @@ def _prepare_job(stage: Stage, attempt: Attempt) -> None:
 
     fault = _find_start_fault(stage, candidate.tool)
     if fault is not None:
-        raise DesignError(fault)
+        raise fault.placed("")  # a new one: this one is kept
 
     motion, job = prepare(
         stage.task, candidate, condition.layout, settings, scene=stage.scene
@@ -279,13 +296,13 @@ def _prepare_job(stage: Stage, attempt: Attempt) -> None:
 
 
 @lru_cache(maxsize=64)  # the candidates of a chunk share their tool
-def _find_start_fault(stage: Stage, tool: Tool) -> str | None:
+def _find_start_fault(stage: Stage, tool: Tool) -> DesignError | None:
     """Say what a tool does not start clear of in this scene; None: it is clear."""
     try:
         stage.spawn_rules.check(tool)
     except DesignError as error:
         place = "" if stage.condition.change is None else "in the perturbed scene, "
-        return f"{place}{error}"
+        return error.placed(place)
     return None
 
 

@@ -14,9 +14,9 @@ from functools import lru_cache
 from typing import Any, TypeVar, cast
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError, WrapValidator
-from pydantic_core import ErrorDetails
+from pydantic_core import ErrorDetails, PydanticCustomError
 
-from core.errors import choices
+from core.errors import CodedError, Reason, Refusal, choices
 from core.support.text import clean, shorten
 
 T = TypeVar("T")
@@ -48,6 +48,30 @@ _WORDS = {
     "dataclass_type": _OBJECT,
     "string_pattern_mismatch": "must be a name of letters, digits and '_', a letter first",
 }
+ENTRY_VALUE = Reason("E_ENTRY_VALUE", "{where}: it can't have this value")
+_REASONS = {
+    Reason("E_ENTRY_MISSING", "{where}: it is missing"): ("missing",),
+    Reason("E_ENTRY_UNKNOWN", "{where}: there is no such key"): _UNKNOWN,
+    Reason("E_ENTRY_WORD", "{where}: it must be true or false"): ("bool_",),
+    Reason("E_ENTRY_TEXT", "{where}: it must be a text"): ("string_type",),
+    Reason("E_ENTRY_NUMBER", "{where}: it must be a number"): ("float_", "int_"),
+    Reason("E_ENTRY_LIST", "{where}: it must be a list"): ("list_type", "tuple_type"),
+    Reason("E_ENTRY_OBJECT", "{where}: it must be an object"): (
+        "dict_type",
+        "model_type",
+        "dataclass_type",
+    ),
+    Reason("E_ENTRY_CHOICE", "{where}: it must be one of some words"): ("literal_",),
+    Reason("E_ENTRY_RANGE", "{where}: it is beyond its range"): _BEYOND,
+    Reason("E_ENTRY_LENGTH", "{where}: it is too long or too short"): (
+        "too_long",
+        "too_short",
+        "string_too_",
+    ),
+    Reason("E_ENTRY_NAME", "{where}: it must be a name"): ("string_pattern_",),
+}
+"""The beginnings of Pydantic's kinds of mistakes, by the reason that they are."""
+
 _SUBJECT = re.compile(r"^(Input|Tuple|Dictionary|List|String|Value) should ")
 _LONGEST = 300  # characters of what is said
 _GIVEN = 80  # and of what was given in it
@@ -64,11 +88,13 @@ class Mistake:
         where: the way to it.
         problem: what it must be, and the words to type.
         kind: of the mistake, as Pydantic names it.
+        refusals: the same for programs.
     """
 
     where: Entry
     problem: str
     kind: str = ""
+    refusals: tuple[Refusal, ...] = ()
 
     def __str__(self) -> str:
         place = clean(".".join(map(str, self.where)), _LONGEST)
@@ -107,8 +133,11 @@ def check(
     try:
         return cast(T, adapter(kind).validate_python(given))
     except ValidationError as error:
-        first = str(find_mistakes(kind, error)[0])
-        raise refuse(f"{what}: {first}" if what else first) from error
+        first = find_mistakes(kind, error)[0]
+        refused = refuse(f"{what}: {first}" if what else str(first))
+        if isinstance(refused, CodedError):
+            refused.coded(*first.refusals)
+        raise refused from error
 
 
 def check_plain(kind: type[T], given: object) -> T:
@@ -144,9 +173,34 @@ def find_mistakes(kind: Any, error: ValidationError) -> list[Mistake]:
             if lacks:
                 problem += f"; missing: {', '.join(lacks)}"
 
-        mistakes.append(Mistake(where, problem, entry["type"]))
+        refusals = _find_refusals(entry)
+        mistakes.append(Mistake(where, problem, entry["type"], refusals))
 
     return mistakes
+
+
+def _find_refusals(error: ErrorDetails) -> tuple[Refusal, ...]:
+    """Return the code of a mistake: its own, or that of its kind with its place, its limits, and what was given."""
+    context = dict(error.get("ctx", {}))
+    cause = context.pop("error", None)
+    where = ".".join(map(str, error["loc"]))
+    if isinstance(cause, CodedError) and cause.refusals:
+        return cause.placed("", where=where).refusals
+
+    kind = error["type"]
+    reason = ENTRY_VALUE
+    for known, beginnings in _REASONS.items():
+        if kind.startswith(beginnings):
+            reason = known
+
+    values = {name: value for name, value in context.items() if _is_plain(value)}
+    if _is_plain(error["input"]):
+        values["given"] = error["input"]
+    return (reason.refusal(where=where, **values),)
+
+
+def _is_plain(value: object) -> bool:
+    return isinstance(value, str | int | float)
 
 
 def _explain(error: ErrorDetails) -> str:
@@ -177,7 +231,12 @@ def in_unit(words: str) -> WrapValidator:
             first = error.errors()[0]
             if not first["type"].startswith(_BEYOND):
                 raise
-            raise ValueError(f"{_explain(first)}; {words}") from error
+            problem = f"{_explain(first)}; {words}"
+            raise PydanticCustomError(
+                first["type"],
+                "{problem}",
+                {**first.get("ctx", {}), "problem": problem},
+            ) from error
 
     return WrapValidator(read)
 

@@ -8,7 +8,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from core.errors import CodedError
 from core.geometry import Array, Color, Pose, Shape, Triple
+from core.values import refusals
 from core.values.contents import content_of, digest
 
 RIGID_MOUNT = "tool_mount"
@@ -17,7 +19,7 @@ TOOL_FRICTION = 0.5  # of printed plastic
 MAX_JOINTS = 8  # of a tool; engines make room for so many
 
 
-class DesignError(ValueError):
+class DesignError(CodedError, ValueError):
     """A design breaks a rule. The message says what is wrong, where, and how to mend it."""
 
 
@@ -53,20 +55,21 @@ class ToolJoint:
 
         length = float(np.linalg.norm(self.axis))
         if not 1e-6 < length < np.inf:
-            raise DesignError("a joint's axis needs a length: give for example 0 0 1")
+            raise DesignError.because(refusals.JOINT_AXIS)
 
         unit = tuple(float(value) / length for value in self.axis)
         object.__setattr__(self, "axis", unit)
 
         if not self.lower <= 0 <= self.upper or self.lower == self.upper:
-            raise DesignError(
-                f"a joint's range must hold 0, and more than 0; it is {self.lower:g} to {self.upper:g}"
+            raise DesignError.because(
+                refusals.JOINT_RANGE, lower=self.lower, upper=self.upper
             )
 
         for name in ("damping", "friction", "stiffness"):
             if not getattr(self, name) >= 0:
-                raise DesignError(
-                    f"a joint's {name} must be 0 or more, not {getattr(self, name):g}"
+                given = getattr(self, name)
+                raise DesignError.because(
+                    refusals.JOINT_NEGATIVE, name=name, given=given
                 )
 
     @property
@@ -152,13 +155,13 @@ class Tool:
         known = set(self.mounts)
         for component in self.components:
             if component.name in known:
-                raise DesignError(
-                    f"two parts of the tool are named {component.name!r}; each needs its own name"
-                )
+                raise DesignError.because(refusals.NAMED_TWICE, name=component.name)
             if component.parent not in known:
-                raise DesignError(
-                    f"component {component.name!r} hangs from {component.parent!r}, which is neither a component "
-                    f"before it nor the mount ({' or '.join(self.mounts)})"
+                raise DesignError.because(
+                    refusals.NO_PARENT,
+                    component=component.name,
+                    parent=component.parent,
+                    mounts=" or ".join(self.mounts),
                 )
             known.add(component.name)
 

@@ -14,6 +14,7 @@ from core.design import DesignError
 from core.geometry import KINDS, PRIMITIVES, Array, Box, Pose, Primitive, Shape
 from core.support.inputs import FIELDS, check, in_unit
 from core.support.text import shorten
+from plugins.tools import refusals
 from plugins.tools.components import (
     DIGITS,
     MAX_NUMBER,
@@ -58,8 +59,11 @@ def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
     """
     name = item.get("shape", Box.kind)
     if not isinstance(name, str) or name not in PRIMITIVES:
-        raise DesignError(
-            f"{where}: shape must be one of {', '.join(PRIMITIVES)}, not {shorten(str(name))}"
+        raise DesignError.because(
+            refusals.SHAPE,
+            where=where,
+            possible=", ".join(PRIMITIVES),
+            given=shorten(str(name)),
         )
 
     kind = PRIMITIVES[name]

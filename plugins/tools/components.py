@@ -36,6 +36,7 @@ from core.robot.description import assembled
 from core.robot.solids import closest, solids_of
 from core.support.inputs import FIELDS, check, in_unit, meant
 from core.support.text import kind, shorten
+from plugins.tools import refusals
 from plugins.tools.mounting import first_box, instruct
 from plugins.tools.varying import VariedTools
 
@@ -210,19 +211,23 @@ class ComponentTools(VariedTools):
             DesignError: says what is wrong, where, and how to mend it.
         """
         if self.field not in data:
-            raise DesignError(
-                f"{self.field} is missing; give a list of the tool's components"
+            wanted = "a list of the tool's components"
+            raise DesignError.because(
+                refusals.FIELD_MISSING, field=self.field, wanted=wanted
             )
 
         items = data[self.field]
         if not isinstance(items, list):
-            raise DesignError(
-                f"{self.field} must be a list of components, not {kind(items)}"
+            raise DesignError.because(
+                refusals.FIELD_LIST, field=self.field, given=kind(items)
             )
 
         if len(items) > MAX_COMPONENTS:
-            raise DesignError(
-                f"{self.field} has {len(items)} components; at most {MAX_COMPONENTS} are allowed"
+            raise DesignError.because(
+                refusals.FIELD_COUNT,
+                field=self.field,
+                count=len(items),
+                most=MAX_COMPONENTS,
             )
 
         tool = Tool(gripper=gripper)
@@ -279,8 +284,8 @@ class ComponentTools(VariedTools):
         kind_of = _component_of(self.keys, joints=self.joints)
         written = check(kind_of, item, where, DesignError)
         if not written.parent and len(mounts) > 1:
-            raise DesignError(
-                f"{where}: parent must be the name of a component or of {' or '.join(mounts)}"
+            raise DesignError.because(
+                refusals.PARENT_MISSING, where=where, mounts=" or ".join(mounts)
             )
 
         parent = dict(self.robot.aliases).get(written.parent, written.parent)
@@ -407,14 +412,17 @@ def parents_first(
 
         while name not in done:
             if name in chain:
-                raise DesignError(
-                    f"parents lead from {name!r} in a circle; hang it from {' or '.join(mounts)}"
+                raise DesignError.because(
+                    refusals.PARENT_CIRCLE, name=name, mounts=" or ".join(mounts)
                 )
 
             if name not in parents:
-                raise DesignError(
-                    f"{what} {chain[-1]!r} hangs from {shorten(name)}, which is neither a {what} of the tool nor its "
-                    f"mount ({' or '.join(mounts)})"
+                raise DesignError.because(
+                    refusals.PARENT_UNKNOWN,
+                    what=what,
+                    name=chain[-1],
+                    parent=shorten(name),
+                    mounts=" or ".join(mounts),
                 )
 
             chain.append(name)
@@ -458,7 +466,7 @@ def _make_joint(
     try:
         return ToolJoint(written.kind, turned, origin=origin, **numbers)
     except DesignError as error:
-        raise DesignError(f"{where}: {error}") from error
+        raise error.placed(f"{where}: ") from error
 
 
 def _write_joint(joint: ToolJoint | None, pose: Pose) -> dict[str, Any] | None:
@@ -508,25 +516,23 @@ def _read_name(
 ) -> str:
     """Read the name of a component, which neither the tool nor the robot has already."""
     if not isinstance(item, Mapping):
-        raise DesignError(f"{where} must be an object, not {kind(item)}")
+        raise DesignError.because(
+            refusals.COMPONENT_OBJECT, where=where, given=kind(item)
+        )
 
     name = item.get("name")
     if not isinstance(name, str):
-        raise DesignError(
-            f"{where} has no name; give it one of letters, digits, '_', '.' or '-'"
-        )
+        raise DesignError.because(refusals.NAME_MISSING, where=where)
 
     if not NAME.fullmatch(name):
-        raise DesignError(
-            f"{where}: its name {shorten(name)} is not 1 to 64 letters, digits, '_', '.' or '-'"
+        raise DesignError.because(
+            refusals.NAME_LETTERS, where=where, name=shorten(name)
         )
 
     if name in reserved:
-        raise DesignError(
-            f"{where}: its name {name!r} is the robot's own; choose another"
-        )
+        raise DesignError.because(refusals.NAME_OF_ROBOT, where=where, name=name)
 
     if name in taken:
-        raise DesignError(f"two components are named {name!r}; each needs its own name")
+        raise DesignError.because(refusals.NAME_TAKEN, name=name)
 
     return name

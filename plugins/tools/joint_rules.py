@@ -18,6 +18,7 @@ from core.geometry import Array, Cylinder, Pose
 from core.interfaces import Robot
 from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.values.materials import Material
+from plugins.tools import refusals
 
 
 class JointLimits(NamedTuple):
@@ -111,9 +112,7 @@ def check_joints(tool: Tool, robot: Robot, material: Material) -> None:
     if count == 0:
         return
     if count > MAX_JOINTS:
-        raise DesignError(
-            f"the tool has {count} moving joints; at most {MAX_JOINTS} are allowed"
-        )
+        raise DesignError.because(refusals.JOINT_COUNT, count=count, most=MAX_JOINTS)
 
     share = spring_share(material)
     measured = measure_lightness(tool).tolist()
@@ -124,9 +123,8 @@ def check_joints(tool: Tool, robot: Robot, material: Material) -> None:
             _check_motion(tool, bearer, lightness)
             _check_strength(bearer.joint, share)
         except DesignError as error:
-            raise DesignError(
-                f"the joint of component {bearer.name!r} {error}"
-            ) from error
+            where = f"the joint of component {bearer.name!r} "
+            raise error.placed(where, component=bearer.name) from error
 
     _check_springs(tool, share * MAX_SPRINGS_J)
 
@@ -152,34 +150,35 @@ def _check_springs(tool: Tool, most: float) -> None:
 
     if energy > most:
         strongest = max(joints, key=lambda name: joints[name].energy)
-        raise DesignError(
-            f"the tool's springs hold {energy:.3g} J at the ends of their ranges; at most {most:.2g} J are allowed: "
-            f"give {strongest!r} a smaller range or a softer spring"
+        raise DesignError.because(
+            refusals.SPRINGS_ENERGY, energy_j=energy, most_j=most, component=strongest
         )
 
     for name, speed in zip(joints, bound_speeds(tool).tolist(), strict=True):
         if speed > MAX_SPRUNG_M_S:
-            raise DesignError(
-                f"the tool's springs could make {name!r} {speed:.3g} m/s fast; at most {MAX_SPRUNG_M_S:g} m/s are "
-                "allowed: give it more mass, a smaller range or a softer spring"
+            raise DesignError.because(
+                refusals.SPRINGS_SPEED,
+                component=name,
+                speed_m_s=speed,
+                most_m_s=MAX_SPRUNG_M_S,
             )
 
 
 def _check_range(joint: ToolJoint) -> None:
     """Refuse a range that is too wide or next to nothing, and a spring that is relaxed too far off."""
     limits = LIMITS[joint.kind]
-    span = f"goes from {joint.lower:g} to {joint.upper:g} {limits.unit}"
+    span = {"lower": joint.lower, "upper": joint.upper, "unit": limits.unit}
     if max(-joint.lower, joint.upper) > limits.most:
-        raise DesignError(f"{span}; at most {limits.most:.3g} is allowed")
+        raise DesignError.because(refusals.JOINT_WIDE, most=limits.most, **span)
 
     if joint.upper - joint.lower < limits.least_range:
-        raise DesignError(
-            f"{span}; give it a range of {limits.least_range:g} or more, or no joint"
+        raise DesignError.because(
+            refusals.JOINT_NARROW, least=limits.least_range, **span
         )
 
     if not abs(joint.rest) <= limits.most:
-        raise DesignError(
-            f"has a spring that is relaxed at {joint.rest:g} {limits.unit}; at most {limits.most:.3g}"
+        raise DesignError.because(
+            refusals.SPRING_REST, rest=joint.rest, unit=limits.unit, most=limits.most
         )
 
 
@@ -196,23 +195,24 @@ def _check_motion(tool: Tool, bearer: Bearer, lightness: float) -> None:
     mass = sum(c.mass for c in tool.components if borne[c.name][0] == bearer.name)
 
     if mass < MIN_MOVED_KG:
-        raise DesignError(
-            f"moves {mass:.2g} kg; at least {MIN_MOVED_KG:g} kg is needed"
+        raise DesignError.because(
+            refusals.JOINT_LIGHT, mass_kg=mass, least_kg=MIN_MOVED_KG
         )
 
     hertz = math.sqrt(joint.stiffness * lightness) / (2 * math.pi)
     if hertz > MAX_HZ:
         would_do = joint.stiffness * (MAX_HZ / hertz) ** 2
-        raise DesignError(
-            f"has too stiff a spring: what it moves would swing at {hertz:.0f} Hz, and at most {MAX_HZ:g} "
-            f"can be simulated; a stiffness of {would_do:.2g} would do, or more mass"
+        raise DesignError.because(
+            refusals.SPRING_STIFF, rate_hz=hertz, most_hz=MAX_HZ, would_do=would_do
         )
 
     most = MAX_DECAY / lightness
     if joint.damping > most:
-        raise DesignError(
-            f"has too much damping: {joint.damping:g} for an inertia of {1 / lightness:.2g}; at most "
-            f"{most:.2g} can be simulated; for more resistance give friction"
+        raise DesignError.because(
+            refusals.DAMPING_FAST,
+            damping=joint.damping,
+            inertia=1 / lightness,
+            most=most,
         )
 
 
@@ -223,9 +223,13 @@ def _check_strength(joint: ToolJoint, share: float) -> None:
     most = share * limits.spring
 
     if exerted > most:
-        raise DesignError(
-            f"has too strong a spring: it exerts {exerted:.3g} {limits.load} where it is {joint.strain:.3g} "
-            f"{limits.unit} from its rest; at most {most:.2g} {limits.load} are allowed"
+        raise DesignError.because(
+            refusals.SPRING_STRONG,
+            load=exerted,
+            load_unit=limits.load,
+            strain=joint.strain,
+            unit=limits.unit,
+            most=most,
         )
 
     _check_most("a damping", joint.damping, limits.damping, limits.resistance)
@@ -239,8 +243,8 @@ def _check_most(
     unit: str,
 ) -> None:
     if value > most:
-        raise DesignError(
-            f"has {what} of {value:.3g} {unit}; at most {most:g} is allowed"
+        raise DesignError.because(
+            refusals.JOINT_MOST, what=what, given=value, unit=unit, most=most
         )
 
 
@@ -271,9 +275,12 @@ def _check_pin(bearer: Bearer, solids: Mapping[str, Sequence[Solid]]) -> None:
     for side, placed in ((bearer.name, pin), (bearer.parent, on_parent)):
         away = min(signed_distance(solid, placed) for solid in solids[side])
         if away > MAX_PIN_M:
-            raise DesignError(
-                f"the hinge of {bearer.name!r} has an axis that passes {side!r} at {1000 * away:.0f} mm; at most "
-                f"{1000 * MAX_PIN_M:g} mm are allowed: put the axis where both are, or add an eye for its pin"
+            raise DesignError.because(
+                refusals.HINGE_PIN,
+                component=bearer.name,
+                side=side,
+                away_mm=1000 * away,
+                most_mm=1000 * MAX_PIN_M,
             )
 
 
@@ -301,9 +308,12 @@ def _check_touch(
 
         near = next((pair for pair in pairs if _touch(*pair, place)), None)
         if near is None:
-            raise DesignError(
-                f"component {bearer.name!r} leaves what bears it, {bearer.parent!r}, where its joint is at "
-                f"{value:.3g} {LIMITS[joint.kind].unit}: shorten the range, or add a rail that goes on touching"
+            raise DesignError.because(
+                refusals.JOINT_LEAVES,
+                component=bearer.name,
+                parent=bearer.parent,
+                place=value,
+                unit=LIMITS[joint.kind].unit,
             )
 
 
@@ -330,9 +340,13 @@ def _check_through(
                 values = np.linspace(begin, end, _LOOKS)
                 value = _find_inside_away(bearer, still, moving, values)
             if value is not None:
-                raise DesignError(
-                    f"component {moving.name!r} goes through {still.name!r} of its own tool, where the joint of "
-                    f"{bearer.name!r} is at {value:.3g} {LIMITS[joint.kind].unit}: end the range before"
+                raise DesignError.because(
+                    refusals.JOINT_THROUGH,
+                    component=moving.name,
+                    other=still.name,
+                    bearer=bearer.name,
+                    place=value,
+                    unit=LIMITS[joint.kind].unit,
                 )
 
 

@@ -22,6 +22,7 @@ from core.scene import (
     Soft,
     table,
 )
+from plugins.tasks.file import refusals
 from plugins.tasks.file.body_building import (
     build_body,
     build_ground,
@@ -37,7 +38,7 @@ from plugins.tasks.file.spec import (
     SceneSpec,
     rgba,
 )
-from plugins.tasks.file.tree import Tree, Where
+from plugins.tasks.file.tree import Tree, Where, as_coded
 
 
 def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
@@ -87,7 +88,9 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
     taken = [body.name for body in around]
     _check_unique(tree, spec, taken)
     if len(bodies) > MAX_COPIES:
-        problem = f"a scene can have {MAX_COPIES} bodies, not {len(bodies)}; take fewer"
+        problem = UserError.because(
+            refusals.SCENE_COUNT, count=len(bodies), most=MAX_COPIES
+        )
         raise tree.error(("bodies",), problem)
 
     with _located(tree, ("colors",)):
@@ -101,13 +104,14 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
         )
     except ValueError as error:
         where = _find_link(spec, getattr(error, "part", None))
-        raise tree.error(where, str(error)) from error
+        raise tree.error(where, as_coded(error)) from error
 
     if not scene.free:
-        problem = "nothing can move, so nothing can be earned; give a body a mass"
+        hint = ""
         if spec.imports:
-            problem += ", or let what an import has without a joint move: fixed: false"
+            hint = ", or let what an import has without a joint move: fixed: false"
 
+        problem = UserError.because(refusals.NOTHING_MOVES, hint=hint)
         raise tree.error(("bodies",), problem)
 
     return scene
@@ -132,11 +136,7 @@ def _stand_in(tree: Tree, spec: SceneSpec) -> Body:
     """
     region = spec.fixture
     if region is None:
-        problem = (
-            "they name the fixture that a design brings, and this scene has no place for one; add where it may stand, "
-            "such as fixture: {box: [0.3, 0.3, 0.3], position: [0.6, 0, 0.15]}"
-        )
-        raise tree.error(("goals",), problem)
+        raise tree.error(("goals",), UserError.because(refusals.NO_FIXTURE))
 
     place = {"position": region.position, "box": region.box}
     mark = MarkSpec.model_validate({"name": FIXTURE, **place})
@@ -228,12 +228,13 @@ def _check_unique(tree: Tree, spec: SceneSpec, taken: list[str]) -> None:
     bodies = [body.name for body in spec.bodies]
     for kind, names in (("marks", marks), ("bodies", bodies)):
         for number, name in enumerate(names):
+            where = (kind, number, "name")
             if name == FIXTURE:
-                problem = f"{name!r} is what a design brings; choose another name"
-                raise tree.error((kind, number, "name"), problem)
+                reason = refusals.SCENE_FIXTURE_NAME
+                raise tree.error(where, UserError.because(reason, name=name))
             if name in taken:
-                problem = f"{name!r} is there already; choose another name"
-                raise tree.error((kind, number, "name"), problem)
+                reason = refusals.SCENE_NAME
+                raise tree.error(where, UserError.because(reason, name=name))
 
             taken.append(name)
 
@@ -256,7 +257,7 @@ def _located(tree: Tree, where: Where) -> Iterator[None]:
     try:
         yield
     except (UserError, ValueError) as error:
-        raise tree.error(where, str(error)) from error
+        raise tree.error(where, as_coded(error)) from error
 
 
 def _frame(name: str | None, above: Sequence[Body]) -> Pose:

@@ -6,17 +6,18 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 
-from core.errors import UsageError, choices
+from core.errors import UsageError, UserError, choices
 from core.goals import Goal, Space, limits, reaches
 from core.scene import FIXTURE, Scene
 from core.solids.standing import find_gaps
+from plugins.tasks.file import refusals
 from plugins.tasks.file.body_building import build_mark
 from plugins.tasks.file.contacts import CONTACT_M
 from plugins.tasks.file.goals import Entry, join_entries
 from plugins.tasks.file.hollows import FixtureHollow, find_hollow, space_of
 from plugins.tasks.file.scene_warnings import find_foot
 from plugins.tasks.file.spec import MarkSpec, SceneSpec
-from plugins.tasks.file.tree import Tree
+from plugins.tasks.file.tree import Tree, as_coded
 
 
 @dataclass(frozen=True)
@@ -68,17 +69,13 @@ def build_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> tuple[Goal, ...]:
         try:
             entries.append(tuple(goal.resolve(site) for goal in entry))
         except (UsageError, ValueError) as error:
-            raise tree.error(("goals", number), str(error)) from None
+            raise tree.error(("goals", number), as_coded(error)) from None
 
     _check_order(tree, entries)
     _check_conflicts(tree, entries, scene)
     goals = join_entries(entries)
     if not reaches(goals):
-        raise tree.error(
-            ("goals",),
-            "they only say what must not happen (keep, untouched, throughout), so nothing can be earned; add what is "
-            "to be reached, such as {bodies: [cup], raised: 0.1}",
-        )
+        raise tree.error(("goals",), UserError.because(refusals.NOTHING_EARNED))
 
     return goals
 
@@ -101,15 +98,16 @@ def _check_order(tree: Tree, entries: Sequence[Entry]) -> None:
                 continue
             if reach.after not in called:
                 unknown = choices("goal", str(reach.after), map(str, called))
-                raise tree.error(("goals", number, "after"), str(unknown))
+                raise tree.error(("goals", number, "after"), unknown)
 
             after[number] = [called[reach.after]]
 
     try:
         TopologicalSorter(after).prepare()
     except CycleError as error:
-        problem = "it must be fulfilled before itself; name an earlier goal"
-        raise tree.error(("goals", min(error.args[1]), "after"), problem) from None
+        where = ("goals", min(error.args[1]), "after")
+        problem = UserError.because(refusals.GOAL_CIRCLE)
+        raise tree.error(where, problem) from None
 
 
 def _check_conflicts(tree: Tree, entries: Sequence[Entry], scene: Scene) -> None:
@@ -124,4 +122,7 @@ def _check_conflicts(tree: Tree, entries: Sequence[Entry], scene: Scene) -> None
             for limit in forbidding:
                 problem = limit.find_conflict(wanted, scene)
                 if problem:
-                    raise tree.error(("goals", number), problem)
+                    conflict = UserError.because(
+                        refusals.GOAL_CONFLICT, problem=problem
+                    )
+                    raise tree.error(("goals", number), conflict)

@@ -28,12 +28,14 @@ from pydantic import (
 from pydantic import model_validator as check_whole
 from pydantic_core import core_schema
 
+from core.errors import WrongPart
 from core.geometry import KINDS, PRIMITIVES, Primitive
 from core.goals import AboveZero, Key, Reach
 from core.scene import Bond, Camera, Cloth, Color, Elastic, Joint, Rope
 from core.support.inputs import STRICT, check_plain, find_mistakes, in_unit
 from core.values.layouts import NONE
 from core.values.softs import MAX_NODES
+from plugins.tasks.file import refusals
 from plugins.tasks.file.goals import ALL_KINDS, Entry, read_entry
 from plugins.tasks.file.hollows import COLUMN_M
 from plugins.tasks.file.imports import imported as limits
@@ -299,7 +301,7 @@ class ShapeSpec(_Shaped):
         if given:
             there = f"are {', '.join(given)}"
 
-        raise ValueError(f"needs one of {', '.join(names)}; there {there}")
+        raise WrongPart.because(refusals.ONE_OF, possible=", ".join(names), found=there)
 
 
 class RepeatSpec(_Spec):
@@ -563,7 +565,7 @@ def read_spec(tree: Tree, data: Mapping[str, Any]) -> SceneSpec:
         return _read(data)
     except ValidationError as error:
         first = find_mistakes(SceneSpec, error)[0]
-        raise tree.error(first.where, first.problem) from error
+        raise tree.error(first.where, first.problem, first.refusals) from error
 
 
 def list_mistakes(tree: Tree, data: Mapping[str, Any]) -> list[str]:

@@ -10,9 +10,11 @@ from typing import Any
 
 import yaml
 
-from core.errors import UserError
+from core.errors import CodedError, Refusal, UserError
 from core.support.files import read_text
+from core.support.inputs import ENTRY_VALUE
 from core.support.text import clean
+from plugins.tasks.file import refusals
 
 MAX_BYTES = 100_000
 MAX_DEPTH = 12
@@ -58,15 +60,13 @@ class Tree:
                 where += f", line {mark.line + 1}"
 
             reason = clean(str(error.problem), 200)
-            raise UserError(f"{where}: this is no YAML: {reason}") from error
+            raise _no_yaml(where, reason) from error
         except (yaml.YAMLError, ValueError) as error:  # a character that YAML has not
             reason = clean(" ".join(str(error).split()), 200)
-            raise UserError(f"{file}: this is no YAML: {reason}") from error
+            raise _no_yaml(str(file), reason) from error
 
         if not isinstance(root, yaml.MappingNode):
-            raise UserError(
-                f"{file}: a scene is an object of keys and values, such as 'name: PushCup'"
-            )
+            raise UserError.because(refusals.YAML_OBJECT, file=str(file))
 
         self.data: dict[str, Any] = self._read(root, ())
 
@@ -80,14 +80,32 @@ class Tree:
         text = read_text(file, f"scene file {file}", MAX_BYTES)
         return text, cls(file, text)
 
-    def error(self, where: Where, message: str) -> UserError:
-        """Build the error of an entry: file, line, way to it, and what is wrong."""
+    def error(
+        self,
+        where: Where,
+        message: str | CodedError,
+        found: Sequence[Refusal] = (),
+    ) -> UserError:
+        """Build the error of an entry: file, line, way to it, and what is wrong.
+
+        Args:
+            where: the way to the entry.
+            message: what is wrong, or the error that says so.
+            found: its codes; none: those of the error, or that of any wrong value.
+        """
         known = where
         while known and known not in self.lines:
             known = known[:-1]
 
         line = self.lines.get(known, 1)
-        return UserError(f"{self.file}, line {line}: {say(where)}{message}")
+        place = {"where": say(where).removesuffix(": "), "line": line}
+        if isinstance(message, CodedError):
+            found = found or message.refusals
+        found = found or [ENTRY_VALUE.refusal()]
+        error = UserError(f"{self.file}, line {line}: {say(where)}{message}")
+        return error.coded(
+            *(Refusal(refusal.code, {**refusal.values, **place}) for refusal in found)
+        )
 
     def _check_events(self, text: str) -> None:
         """Refuse what would unfold, or make objects, before anything is built."""
@@ -97,9 +115,9 @@ class Tree:
             depth += isinstance(event, yaml.CollectionStartEvent)
             depth -= isinstance(event, yaml.CollectionEndEvent)
             problem = _find_problem(event, depth)
-            if problem:
+            if problem is not None:
                 line = event.start_mark.line + 1
-                raise UserError(f"{self.file}, line {line}: {problem}")
+                raise problem.placed(f"{self.file}, line {line}: ", line=line)
 
     def _read(self, node: Any, where: Where) -> Any:
         """Make plain data of a node, and note the lines of its entries."""
@@ -115,14 +133,13 @@ class Tree:
         found: dict[str, Any] = {}
         for key, value in node.value:
             if not isinstance(key, yaml.ScalarNode):
-                raise self.error(where, "a key must be a word")
+                raise self.error(where, UserError.because(refusals.YAML_KEY))
 
             inner = (*where, key.value)
             self.lines[inner] = key.start_mark.line + 1
 
             if key.value in found:
-                problem = "this key is written twice; leave one of them out"
-                raise self.error(inner, problem)
+                raise self.error(inner, UserError.because(refusals.YAML_TWICE))
 
             found[key.value] = self._read(value, inner)
 
@@ -138,26 +155,37 @@ class Tree:
         if not _NUMBER.fullmatch(text):
             return text
         if not math.isfinite(float(text)):
-            raise self.error(where, f"the number {clean(text, 60)} is too large")
+            given = clean(text, 60)
+            problem = UserError.because(refusals.YAML_NUMBER, given=given)
+            raise self.error(where, problem)
         if re.fullmatch(r"[-+]?[0-9]{1,15}", text):
             return int(text)
 
         return float(text)
 
 
-def _find_problem(event: Any, depth: int) -> str:
-    """Say what of a YAML document's event is not read; empty: all of it is."""
+def as_coded(error: Exception) -> str | CodedError:
+    """Return an error that has codes as it is, and of another what it says."""
+    return error if isinstance(error, CodedError) else str(error)
+
+
+def _no_yaml(where: str, problem: str) -> UserError:
+    return UserError.because(refusals.NO_YAML, file=where, problem=problem)
+
+
+def _find_problem(event: Any, depth: int) -> UserError | None:
+    """Say what of a YAML document's event is not read; None: all of it is."""
     tag = clean(getattr(event, "tag", None) or "", 60)
     if tag:
-        return f"tags ({tag}) are not read; leave it out"
+        return UserError.because(refusals.YAML_TAG, tag=tag)
 
     anchor = clean(getattr(event, "anchor", None) or "", 60)
     if anchor:
-        return f"anchors (&{anchor} and *{anchor}) are not read; write it out"
+        return UserError.because(refusals.YAML_ANCHOR, anchor=anchor)
     if depth > MAX_DEPTH:
-        return f"at most {MAX_DEPTH} levels of nesting are read; make it flatter"
+        return UserError.because(refusals.YAML_DEPTH, most=MAX_DEPTH)
 
-    return ""
+    return None
 
 
 def say(where: Where) -> str:

@@ -21,6 +21,7 @@ from core.geometry import (
     Primitive,
     Shape,
 )
+from plugins.tools import refusals
 from plugins.tools.solids.building import (
     MAX_TRIANGLES,
     TooFine,
@@ -97,9 +98,7 @@ def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape, Pose]:
     try:
         solid = surface(tree)
         if solid.volume() < _MIN_VOLUME:
-            raise DesignError(
-                f"has a volume of {solid.volume():.3g} mm^3: check what is taken away, and where"
-            )
+            raise DesignError.because(refusals.SOLID_VOLUME, volume_mm3=solid.volume())
 
         _check_whole(solid)
 
@@ -109,8 +108,8 @@ def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape, Pose]:
         parts = _parts(tree, solid, most)
         return WrittenCompound(Mesh(*_triangles(solid)), parts, tree), Pose()
     except TooFine as error:
-        raise DesignError(
-            f"has more than {MAX_TRIANGLES} triangles; use fewer curved shapes and holes"
+        raise DesignError.because(
+            refusals.SOLID_TRIANGLES, most=MAX_TRIANGLES
         ) from error
 
 
@@ -144,9 +143,8 @@ def _parts(tree: Node, solid: Manifold, most: int) -> tuple[Mesh, ...]:
 
         problem = f" (with fewer, {off:.2f} mm)"
 
-    raise DesignError(
-        f"can't be made of convex parts within {1000 * WITHIN_M:g} mm: they differ by {off:.2f} mm; make thin curved "
-        "walls thicker, and avoid sharp rims"
+    raise DesignError.because(
+        refusals.SOLID_CONVEX, within_mm=1000 * WITHIN_M, off_mm=off
     )
 
 
@@ -166,9 +164,13 @@ def _check_count(count: int, most: int, problem: str = "") -> None:
     if most < MAX_PARTS:
         left = f", of which {most} are left"
 
-    raise DesignError(
-        f"needs {needed} convex parts to keep within {1000 * WITHIN_M:g} mm{problem}; at most {MAX_PARTS} "
-        f"are allowed for a tool{left}: make round hollows smaller or flat-walled, or leave some out"
+    raise DesignError.because(
+        refusals.SOLID_PARTS,
+        needed=needed,
+        within_mm=1000 * WITHIN_M,
+        problem=problem,
+        most=MAX_PARTS,
+        left=left,
     )
 
 
@@ -213,8 +215,9 @@ def _check_whole(solid: Manifold) -> None:
     """Refuse what falls apart; pieces that touch hang together."""
     pieces = solid.decompose()
     if len(pieces) > _MAX_PIECES:
-        raise DesignError(
-            f"falls into {len(pieces)} pieces; a component is of one piece"
+        wanted = "a component is of one piece"
+        raise DesignError.because(
+            refusals.SOLID_PIECES, count=len(pieces), wanted=wanted
         )
 
     joined = pieces[:1]
@@ -226,8 +229,9 @@ def _check_whole(solid: Manifold) -> None:
         apart = [other for other in apart if other not in near]
 
     if apart:
-        raise DesignError(
-            f"falls into {len(pieces)} pieces; join them, or write them as components that touch"
+        wanted = "join them, or write them as components that touch"
+        raise DesignError.because(
+            refusals.SOLID_PIECES, count=len(pieces), wanted=wanted
         )
 
 

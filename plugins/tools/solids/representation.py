@@ -9,6 +9,7 @@ from typing import Any
 
 from core.design import DesignError
 from core.geometry import KINDS, PRIMITIVES, Array, Box, Pose, Shape
+from plugins.tools import refusals
 from plugins.tools.components import TEXT, ComponentTools, ReadShape, rounded
 from plugins.tools.solids.building import MAX_TRIANGLES, NATIVES, count_triangles
 from plugins.tools.solids.making import MAX_PARTS, WITHIN_M, make_shape, node_of
@@ -41,9 +42,11 @@ class _Reader:
         if node.kind not in SIZES:
             self._triangles += count_triangles(node)
         if self._triangles > MAX_TRIANGLES:
-            raise DesignError(
-                f"{where}: with it the tool's solids have {self._triangles} triangles; at most {MAX_TRIANGLES} are "
-                "allowed: use fewer or smaller spheres and revolutions (a whole component that is one sphere is free)"
+            raise DesignError.because(
+                refusals.SOLIDS_TRIANGLES,
+                where=where,
+                count=self._triangles,
+                most=MAX_TRIANGLES,
             )
 
         return Box((1.0, 1.0, 1.0)), Pose()
@@ -52,7 +55,7 @@ class _Reader:
         try:
             shape, pose = make_shape(self._trees[where], MAX_PARTS - self._parts)
         except DesignError as error:
-            raise DesignError(f"{where}: its solid {error}") from error
+            raise error.placed(f"{where}: its solid ", where=where) from error
 
         if not shape.is_convex:
             self._parts += len(shape.convex_parts())

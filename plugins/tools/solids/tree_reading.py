@@ -27,6 +27,7 @@ from core.designs.rules import MIN_SIDE_M
 from core.geometry import KINDS, Primitive
 from core.support.inputs import FIELDS, check, in_unit
 from core.support.text import kind, shorten
+from plugins.tools import refusals
 from plugins.tools.components import (
     DIGITS,
     Number,
@@ -134,18 +135,14 @@ class TreeReader:
         """Read a node and what is below it; ``depth`` counts from 1."""
         self._nodes += 1
         if self._nodes > MAX_NODES:
-            raise DesignError(
-                f"{where}: the tool's solids have more than {MAX_NODES} shapes in all; use fewer"
-            )
+            raise DesignError.because(refusals.SOLID_NODES, where=where, most=MAX_NODES)
 
         if depth > MAX_DEPTH:
-            raise DesignError(
-                f"{where} nests more than {MAX_DEPTH} deep; use fewer operations within each other"
-            )
+            raise DesignError.because(refusals.SOLID_DEPTH, where=where, most=MAX_DEPTH)
 
         if not isinstance(value, Mapping):
-            raise DesignError(
-                f'{where} must be an object such as {{"box": [0.02, 0.02, 0.1]}}, not {kind(value)}'
+            raise DesignError.because(
+                refusals.SOLID_OBJECT, where=where, given=kind(value)
             )
 
         name = _read_kind(value, where)
@@ -173,19 +170,21 @@ def _parse_json(text: str, where: str) -> object:
         DesignError: it is too long, or not JSON; or its numbers are too long, or it nests too deep.
     """
     if len(text) > MAX_CHARACTERS:
-        raise DesignError(
-            f"{where} is {len(text)} characters long; at most {MAX_CHARACTERS} are allowed"
+        raise DesignError.because(
+            refusals.FIELD_LENGTH, field=where, count=len(text), most=MAX_CHARACTERS
         )
 
     try:
         value: object = json.loads(text)
     except json.JSONDecodeError as error:
-        raise DesignError(
-            f"{where} is malformed JSON at column {error.colno}: {error.msg}"
+        problem = f" is malformed JSON at column {error.colno}: {error.msg}"
+        raise DesignError.because(
+            refusals.SOLID_JSON, where=where, problem=problem
         ) from error
     except (ValueError, RecursionError) as error:
-        raise DesignError(
-            f"{where}: its JSON has a number of too many digits, or nests too deep"
+        problem = ": its JSON has a number of too many digits, or nests too deep"
+        raise DesignError.because(
+            refusals.SOLID_JSON, where=where, problem=problem
         ) from error
 
     return value
@@ -199,8 +198,8 @@ def _read_kind(value: Mapping[str, Any], where: str) -> str:
 
     others = ", ".join(shorten(str(key)) for key in list(value)[:3])
     found = " and ".join(named) or others or "nothing"
-    raise DesignError(
-        f"{where} must have exactly one of {', '.join(_WRITTEN)}; it has {found}"
+    raise DesignError.because(
+        refusals.SOLID_KIND, where=where, possible=", ".join(_WRITTEN), found=found
     )
 
 

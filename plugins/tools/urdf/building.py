@@ -27,6 +27,7 @@ from core.scene import Color
 from core.support.inputs import check
 from core.support.text import shorten
 from core.values.descriptions import RobotJoint, RobotLink
+from plugins.tools import refusals
 from plugins.tools.components import (
     Angle,
     default_mass,
@@ -170,8 +171,11 @@ def _add_mounts(root: Element, mounts: tuple[str, ...]) -> None:
 def _parse(text: str) -> Element:
     """Parse the text; the children of what is returned are the tool's elements."""
     if len(text) > MAX_CHARACTERS:
-        raise DesignError(
-            f"tool_urdf is {len(text)} characters long; at most {MAX_CHARACTERS} are allowed"
+        raise DesignError.because(
+            refusals.FIELD_LENGTH,
+            field="tool_urdf",
+            count=len(text),
+            most=MAX_CHARACTERS,
         )
 
     block = _DECLARATION.sub("", _unescape(text))
@@ -213,9 +217,7 @@ def _check(
     for element in root:
         tag = element.tag
         if tag not in ("link", "joint", "material"):
-            raise DesignError(
-                f"<{shorten(tag)[1:-1]}> is not allowed; use <link>, <joint> and <material>"
-            )
+            raise DesignError.because(refusals.TAG, tag=shorten(tag)[1:-1])
 
         name = element.get("name", "")
         if tag == "link":
@@ -227,25 +229,23 @@ def _check(
     for tag, most in MAX_COUNT.items():
         found = sum(1 for _ in root.iter(tag))
         if found > most:
-            raise DesignError(
-                f"the tool has {found} <{tag}> elements; at most {most} are allowed"
+            raise DesignError.because(
+                refusals.TAG_COUNT, count=found, tag=tag, most=most
             )
 
     for element in root.iter():
         tags = Counter(child.tag for child in element if child.tag not in _MANY)
         for tag, found in tags.items():
             if found > 1:
-                raise DesignError(
-                    f"a <{element.tag}> has {found} <{tag}> elements; give one"
+                raise DesignError.because(
+                    refusals.TAG_TWICE, within=element.tag, count=found, tag=tag
                 )
 
     held = {child.get("link") for child in root.iterfind("joint/child")}
 
     for name in links:
         if name not in held:
-            raise DesignError(
-                f"no joint holds link {name!r}; hang it from {mounts} or another link"
-            )
+            raise DesignError.because(refusals.LINK_LOOSE, name=name, mounts=mounts)
 
     return links
 
@@ -267,14 +267,12 @@ def _check_name(
     """Refuse the name of a link or joint that a robot's description could not hold, or that is the robot's."""
     most = MAX_NAME[tag]
     if not _NAME.fullmatch(name) or len(name) > most:
-        raise DesignError(
-            f"{tag} name {shorten(name)} is not 1 to {most} letters, digits, '_', '.' or '-'"
+        raise DesignError.because(
+            refusals.LINK_NAME, tag=tag, name=shorten(name), most=most
         )
 
     if name in reserved:
-        raise DesignError(
-            f"{tag} {name!r} is the robot's own; the block holds only the tool's links and joints"
-        )
+        raise DesignError.because(refusals.LINK_OF_ROBOT, tag=tag, name=name)
 
 
 def _boxes(link: RobotLink) -> list[_Shape]:
@@ -296,9 +294,7 @@ def _boxes(link: RobotLink) -> list[_Shape]:
             if isinstance(shape.shape, Path):
                 found = "mesh"
 
-            raise DesignError(
-                f'link {link.name!r}: boxes only; expected <box size="x y z"/>, found <{found}>'
-            )
+            raise DesignError.because(refusals.LINK_SHAPE, name=link.name, found=found)
 
         *rgb, opacity = looks.color or DEFAULT_COLOR
         color = (*rgb, max(opacity, _MIN_OPACITY))
@@ -318,11 +314,13 @@ def _moving(joint: RobotJoint, loose: bool) -> ToolJoint | None:
         if loose:
             wanted = 'use type "fixed", "revolute" or "prismatic"'
 
-        raise DesignError(f"{where} is of type {shorten(joint.kind)}; {wanted}")
+        raise DesignError.because(
+            refusals.JOINT_TYPE, where=where, given=shorten(joint.kind), wanted=wanted
+        )
 
     lower, upper, *_ = joint.limits
     if lower is None or upper is None:
-        raise DesignError(f'{where} needs <limit lower="..." upper="..."/>')
+        raise DesignError.because(refusals.JOINT_LIMIT, where=where)
 
     stiffness, rest = joint.spring or (0.0, 0.0)
     numbers = {
@@ -337,7 +335,7 @@ def _moving(joint: RobotJoint, loose: bool) -> ToolJoint | None:
             _MOVES[joint.kind], joint.axis, lower, upper, (0.0, 0.0, 0.0), **numbers
         )
     except DesignError as error:
-        raise DesignError(f"{where}: {error}") from error
+        raise error.placed(f"{where}: ") from error
 
 
 def _hang(
@@ -367,9 +365,7 @@ def _hang(
     base = pose if frame is None else frame @ pose
 
     if not shapes and moving is not None:
-        raise DesignError(
-            f"link {name!r} hangs on a joint that moves, and has no box; give it one"
-        )
+        raise DesignError.because(refusals.LINK_EMPTY, name=name)
 
     if not shapes:
         return [], (parents, base)

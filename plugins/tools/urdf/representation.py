@@ -10,6 +10,7 @@ from core.interfaces import Brief
 from core.robot.description import tool_urdf
 from core.support.templates import fill
 from core.support.text import kind, short_numbers
+from plugins.tools import refusals
 from plugins.tools.mounting import first_box, instruct
 from plugins.tools.urdf.building import build_tool
 from plugins.tools.varying import VariedTools
@@ -32,13 +33,14 @@ class UrdfTools(VariedTools):
 
     def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
         if "tool_urdf" not in data:
-            raise DesignError(
-                "tool_urdf is missing; give the tool's <link> and <joint> elements"
+            wanted = "the tool's <link> and <joint> elements"
+            raise DesignError.because(
+                refusals.FIELD_MISSING, field="tool_urdf", wanted=wanted
             )
         text = data["tool_urdf"]
         if not isinstance(text, str):
-            raise DesignError(
-                f"tool_urdf must be a text of <link> and <joint> elements, not {kind(text)}"
+            raise DesignError.because(
+                refusals.FIELD_TEXT, field="tool_urdf", given=kind(text)
             )
         masses = self.material.density_kg_m3 is None
         return build_tool(text, gripper, self.robot, masses=masses, loose=self.joints)

@@ -89,5 +89,5 @@ def read_reply(file: Path, reply: str) -> tuple[str, Beside]:
             beside = check_plain(Beside, tree.data)
         except ValidationError as error:
             first = find_mistakes(Beside, error)[0]
-            raise tree.error(first.where, first.problem) from error
+            raise tree.error(first.where, first.problem, first.refusals) from error
     return text, beside
