@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,6 +26,19 @@ class Refusal:
 
     code: str
     values: Mapping[str, Any] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return f"{self.code} {json.dumps(self.dump()['values'])}"
+
+    def dump(self) -> dict[str, Any]:
+        """Write it as JSON has it: a number that is not finite is a text."""
+        values = {
+            name: value
+            if not isinstance(value, float) or math.isfinite(value)
+            else str(value)
+            for name, value in self.values.items()
+        }
+        return {"code": self.code, "values": values}
 
 
 class Reason:

@@ -14,7 +14,7 @@ import re
 from collections import defaultdict
 from pathlib import Path
 
-from docs.tables import figure_table, goal_tables, shape_table
+from docs.tables import figure_table, goal_tables, refusal_table, shape_table
 
 ROOT = Path(__file__).parent.parent
 BEGIN = "<!-- names: python docs/names.py -->\n"
@@ -83,6 +83,7 @@ WRITTEN = {
     "scene_types": shape_table,
     "scene_goals": goal_tables,
     "settings": figure_table,
+    "refusals": refusal_table,
 }
 """What is written on each page of docs."""
 

@@ -1,16 +1,21 @@
-"""Write the tables of pages that follow from the code, as Markdown: kinds of shapes, kinds of goals, figures."""
+"""Write the tables of pages that follow from the code, as Markdown: kinds of shapes, kinds of goals, figures, codes."""
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, fields
+from pathlib import Path
 
 from core import geometry, goals
+from core.errors import Reason
 from core.goals import Goal, Limit, Reach
 from core.simulation.measuring import BUILT_IN
+from core.support import inputs  # noqa: F401  # has codes
 
+ROOT = Path(__file__).parent.parent
 ATTRIBUTE = re.compile(r"^ {8}(\w+): (.*(?:\n {12}.*)*)", re.MULTILINE)
 """A field in a class's docstring."""
 
@@ -73,6 +78,23 @@ def figure_table() -> str:
         for name, figure in BUILT_IN.items()
     ]
     return write_table(("figure", ""), rows)
+
+
+def refusal_table() -> str:
+    """Write a row for each code by which designs, scenes and settings are refused."""
+    for file in [
+        *ROOT.glob("core/**/refusals.py"),
+        *ROOT.glob("plugins/**/refusals.py"),
+    ]:
+        module = file.relative_to(ROOT).with_suffix("").as_posix()
+        importlib.import_module(module.replace("/", "."))
+
+    rows = []
+    for code, words in sorted(Reason.catalogue.items()):
+        shown = re.sub(r"(?<!\{)\{(\w+)[^{}]*\}", r"{\1}", words)
+        rows.append((f"`{code}`", shown.replace("<", "&lt;")))
+
+    return write_table(("code", "words"), rows)
 
 
 def _kind_row(kind: type[Goal]) -> tuple[str, str]:

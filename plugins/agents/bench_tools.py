@@ -370,10 +370,18 @@ class Tools:
             lines.append(_ONLY_RULES)
         return [Text("\n".join(lines))]
 
+    def _refuse(self, candidate: Candidate) -> str:
+        """Say why a candidate is refused, in words and in codes; without codes where something is not told."""
+        problem = candidate.problem or ""
+        said = self._told.clean(problem)
+        if said != problem:
+            return said
+        return " ".join([said, *(f"[{refusal}]" for refusal in candidate.refusals)])
+
     def _find_problems(self, candidate: Candidate) -> str:
         """Say what is wrong with a candidate in the layouts of the search, on one line; empty: nothing was found."""
         if candidate.problem is not None:
-            return self._told.clean(candidate.problem)
+            return self._refuse(candidate)
         conditions = self._conditions
         if self._unseen:
             if any(anchor != Anchor() for anchor in candidate.plan.anchors):
@@ -398,7 +406,7 @@ class Tools:
         text = self._write_document(asked)
         candidates = self._read(text, starts=not self._unseen)
         faults = [
-            f"- {_name(candidate)}: {self._told.clean(candidate.problem)}"
+            f"- {_name(candidate)}: {self._refuse(candidate)}"
             for candidate in candidates
             if candidate.problem is not None
         ]

@@ -113,6 +113,7 @@ def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
         **means,
         "status": evaluation.status,
         "reason": evaluation.reason,
+        "refusals": [refusal.dump() for refusal in evaluation.refusals],
         **misses,
         "torque_share": None if hardest is None else hardest.share,
         "torque_joint": None if hardest is None else hardest.joint,
