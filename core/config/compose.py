@@ -165,7 +165,8 @@ def explain(error: Exception, name: str, words: Sequence[str] = ()) -> UserError
 
     if isinstance(error, MissingConfigException) and error.options:
         group, _, choice = (error.missing_cfg_file or "").rpartition("/")
-        return UsageError(f"{choices(group, choice, error.options)}{failed}")
+        unknown = choices(group, choice, error.options)
+        return UsageError(f"{unknown}{failed}").coded(*unknown.refusals)
 
     if isinstance(error, MissingMandatoryValue):
         return UsageError(

@@ -48,7 +48,7 @@ _WORDS = {
     "dataclass_type": _OBJECT,
     "string_pattern_mismatch": "must be a name of letters, digits and '_', a letter first",
 }
-ENTRY_VALUE = Reason("E_ENTRY_VALUE", "{where}: it can't have this value")
+ENTRY_VALUE = Reason("E_ENTRY_VALUE", "{where}: {problem}")
 _REASONS = {
     Reason("E_ENTRY_MISSING", "{where}: it is missing"): ("missing",),
     Reason("E_ENTRY_UNKNOWN", "{where}: there is no such key"): _UNKNOWN,
@@ -194,6 +194,8 @@ def _find_refusals(error: ErrorDetails) -> tuple[Refusal, ...]:
             reason = known
 
     values = {name: value for name, value in context.items() if _is_plain(value)}
+    if reason is ENTRY_VALUE:
+        values["problem"] = _explain(error)
     if _is_plain(error["input"]):
         values["given"] = error["input"]
     return (reason.refusal(where=where, **values),)

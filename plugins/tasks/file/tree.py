@@ -101,7 +101,7 @@ class Tree:
         place = {"where": say(where).removesuffix(": "), "line": line}
         if isinstance(message, CodedError):
             found = found or message.refusals
-        found = found or [ENTRY_VALUE.refusal()]
+        found = found or [ENTRY_VALUE.refusal(problem=str(message))]
         error = UserError(f"{self.file}, line {line}: {say(where)}{message}")
         return error.coded(
             *(Refusal(refusal.code, {**refusal.values, **place}) for refusal in found)

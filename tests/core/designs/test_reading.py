@@ -18,10 +18,10 @@ from core.interfaces import ToolRepresentation
 from core.simulation.play import play
 from core.support.text import clean
 from core.values.plans import NO_PLAN
-from tests.core.designs.test_rules import CubeOnTable
 from tests.faults import Faulty
 from tests.panda import on_panda
 from tests.playing import condition
+from tests.support.scenes import CubeOnTable
 
 pytestmark = pytest.mark.slow
 

@@ -9,6 +9,7 @@ import pytest
 from core.design import Budget
 from core.designs.reading import load_designs, load_tool, read_designs
 from core.designs.start import SpawnRules
+from core.designs.tool_fields import read_tool
 from core.errors import UserError
 from core.interfaces import RolloutSettings
 from core.plugins import installed
@@ -19,6 +20,7 @@ from tests.engines import simulator
 from tests.panda import on_panda
 from tests.playing import evaluate_batch
 from tests.plugins.tasks.file.test_scenes import SCENES
+from tests.support.refusing import fits, refused
 
 BOXES = installed().create("tool", "boxes")
 (FUNNEL,) = [scene for scene in SCENES if scene.stem == "UseFunnel"]
@@ -60,24 +62,32 @@ def test_a_fixture_is_read_and_written_and_stands_in_the_scene(task, tmp_path):
 
 
 WRONG = [
-    ({"pose": [0.9, 0, 0, 0, 0, 0]}, "'east' of the fixture is not within the task's region, (0.6, -0.15"),
-    ({"pose": [0.75, 0, 0.01, 0, 0, 0]}, "'post' of the fixture hangs in the air, 10.0 mm from what is fixed"),
-    ({"pose": [0.75, 0, -0.01, 0, 0, 0]}, "'post' of the fixture starts 10.0 mm inside 'table'"),
-    ({"pose": [0.75, 0]}, "fixture: pose has 2 numbers, 6 are needed: x, y"),
-    ({"tool_components": [{**POST, "size": [0.01, 0.06, 9]}]}, "fixture: component 'post' is 9 m long"),
-    ({"tool_components": [POST, FAR]}, "fixture: component 'far' is 20.0 mm away from its parent"),
-    ({"tool_components": [{**POST, "joint": HINGE}]}, "no key 'joint'"),
-    ("a funnel", "'fixture' is the text 'a funnel', not an object"),
+    ({"pose": [0.9, 0, 0, 0, 0, 0]}, "E_FIXTURE_OUTSIDE", {"component": "east"}),
+    ({"pose": [0.75, 0, 0.01, 0, 0, 0]}, "E_FIXTURE_HANGS", {"component": "post", "gap_mm": 10}),
+    ({"pose": [0.75, 0, -0.01, 0, 0, 0]}, "E_FIXTURE_INSIDE", {"component": "post", "depth_mm": 10, "other": "table"}),
+    ({"pose": [0.75, 0]}, "E_WAYPOINT_COUNT", {"where": "fixture: pose", "count": 2, "needed": 6}),
+    ({"tool_components": [{**POST, "size": [0.01, 0.06, 9]}]}, "E_SIDE", {"component": "post", "side_m": 9}),
+    ({"tool_components": [POST, FAR]}, "E_GAP", {"component": "far", "gap_mm": 20}),
+    ({"tool_components": [{**POST, "joint": HINGE}]}, "E_ENTRY_UNKNOWN", {"where": "joint"}),
+    ("a funnel", "E_NO_OBJECT", {"what": "'fixture'", "given": "the text 'a funnel'"}),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("changes", "why"), WRONG)
-def test_what_is_wrong_with_a_fixture_is_said(task, changes, why):
+@pytest.mark.parametrize(("changes", "code", "values"), WRONG)
+def test_what_is_wrong_with_a_fixture_is_said(task, changes, code, values):
     given = changes
     if isinstance(changes, dict):
         given = {**STRATEGY[FIXTURE], **changes}
     design = read(task, {**STRATEGY, FIXTURE: given}, start=SpawnRules(task))
-    assert why in design.problem
+    found = design.refusals
+    assert any(fits(refusal, code, values) for refusal in found), found
+
+
+def test_a_fixture_has_no_joints(task):
+    joined = {**STRATEGY[FIXTURE], "tool_components": [POST, {**FAR, "joint": HINGE}]}
+    boxes = on_panda(installed().create("tool", "boxes", joints=True))
+    with refused("E_FIXTURE_JOINT"):
+        read_tool({**STRATEGY, FIXTURE: joined}, boxes, False, task)
 
 
 def test_without_its_fixture_it_earns_little(task):
@@ -146,4 +156,4 @@ def test_a_given_tool_without_the_fixture_that_goals_name_ends_the_command(
 
 def test_a_task_without_a_place_for_a_fixture_refuses_one():
     design = read(on_panda(installed().create("task", "BringCube")), STRATEGY)
-    assert "BringCube has no place for a fixture; leave 'fixture' out" in design.problem
+    assert [refusal.code for refusal in design.refusals] == ["E_NO_PLACE"]

@@ -20,6 +20,7 @@ from tests.engines import simulator
 from tests.faults import Crowded, Faulty, Slide, candidate
 from tests.panda import ARM
 from tests.playing import condition, evaluate_batch
+from tests.support.refusing import fits
 
 SETTINGS = RolloutSettings(settle_s=0, hold_s=0)
 
@@ -51,8 +52,9 @@ def test_what_breaks_a_rule_is_not_tried_and_the_order_is_kept():
 def test_a_motion_that_takes_too_long_is_rejected():
     (evaluation,) = evaluated(candidate(0), settings=RolloutSettings(max_motion_s=0.1))
     assert evaluation.status == "rejected"
-    assert "the motion takes" in evaluation.reason
-    assert evaluation.reason.endswith("more than 0 s; use fewer waypoints")
+    (refusal,) = evaluation.refusals
+    assert fits(refusal, "E_MOTION_TIME", {"most_s": 0.1})
+    assert refusal.values["time_s"] > 0.1
 
 
 class Lost(Faulty):

@@ -247,6 +247,7 @@ def test_the_setting_decides():
     assert "'panda_link1'" in rejected.reason
     assert "'panda_link5'" in rejected.reason
     assert "on the way to waypoint 2; move or turn this waypoint" in rejected.reason
+    assert [refusal.code for refusal in rejected.refusals] == ["E_ARM_IN_ITSELF"]
     warned = evaluated("warn", Faulty())
     assert warned.status == "ok"
     assert [

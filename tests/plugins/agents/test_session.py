@@ -226,6 +226,9 @@ def test_what_is_not_possible_is_refused_and_costs_nothing(session):
     assert "try one first" in text(said["early"])
     assert "3 candidates, and the budget holds 2 more" in text(said["beyond"])
     assert "Nothing was tried" in text(said["faulty"])
+    assert '[E_LINK_LOOSE {"name": "a", "mounts": "tool_mount"}]' in text(
+        said["faulty"]
+    )
     assert "come to its end" in text(said["after"])
 
 

@@ -70,6 +70,8 @@ def test_each_plan_has_a_record_of_what_it_earned(evaluated):
     assert (far["reward"], loose["reward"], far["distance_m"]) == (0, 0, None)
     assert "waypoint 1" in far["reason"]
     assert "revolute" in loose["reason"]
+    codes = [[found["code"] for found in r["refusals"]] for r in records]
+    assert codes == [[], [], ["E_WAYPOINT_RANGE"], [], ["E_JOINT_TYPE"]]
     assert {"design", "reward", "status"} <= set(lines[0].split())
 
 

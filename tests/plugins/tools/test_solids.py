@@ -16,6 +16,7 @@ from plugins.tools.solids.representation import SolidTools
 from plugins.tools.solids.tree_reading import MAX_NODES
 from tests.panda import PANDA, on_panda
 from tests.shapes import SAMPLES, within
+from tests.support.refusing import refused
 
 pytestmark = pytest.mark.slow
 
@@ -407,13 +408,10 @@ def test_wrong_text_is_refused_with_a_reason(text, reason):
 
 def test_nodes_and_parts_are_counted_over_all_components():
     union = {"union": [{"box": [0.01, 0.01, 0.01]}] * (MAX_NODES // 2)}
-    with pytest.raises(
-        DesignError,
-        match=r"'b'.*: the tool's solids have more than 40 shapes in all",
-    ):
+    with refused("E_SOLID_NODES", where="component 'b'...", most=MAX_NODES):
         parse(item(union), item(union, "b"))
-    needs = "'c': its solid needs [0-9]+ convex parts to .* at most 64 are allowed for a tool, of which [0-9]+ are left"
-    with pytest.raises(DesignError, match=needs):
+    left = {"most": MAX_PARTS, "left": ", of which ..."}
+    with refused("E_SOLID_PARTS", where="component 'c'", **left):
         parse(*[item(BOWL, name) for name in "abc"])
 
 
@@ -421,10 +419,7 @@ def test_triangles_are_counted_over_all_components_but_not_those_of_whole_primit
     parse(*[item({"sphere": 0.5}, f"c{k}") for k in range(MAX_NODES)])
     lens = {"intersection": [{"sphere": 0.5}, {"sphere": 0.5, "at": [0.5, 0, 0]}]}
     parse(*[item(lens, name) for name in "abc"])
-    with pytest.raises(
-        DesignError,
-        match=r"'d': with it the tool's solids have [0-9]+ triangles; at most 8000",
-    ):
+    with refused("E_SOLIDS_TRIANGLES", where="component 'd'", most=8000):
         parse(*[item(lens, name) for name in "abcd"])
 
 
@@ -464,11 +459,25 @@ def test_all_of_a_tool_is_read_before_a_solid_is_built(last, monkeypatch):
     ],
 )
 def test_what_would_need_very_many_parts_is_refused(solid):
-    with pytest.raises(
-        DesignError,
-        match=r"needs .*convex parts to keep within 1 mm|more than 8000 triangles",
-    ):
+    with refused("E_SOLID_PARTS", where="component 'a'", within_mm=1, most=MAX_PARTS):
         shape(solid)
+
+
+def test_many_holes_make_too_many_triangles():
+    places = [(0.03 * (k % 6) - 0.1, 0.03 * (k // 6) - 0.1, k) for k in range(37)]
+    holes = [
+        {"cylinder": [0.01, 0.6], "at": [x, y, 0, k % 3 * 0.5, k % 2 * 0.7, 0]}
+        for x, y, k in places
+    ]
+    with refused("E_SOLID_TRIANGLES", where="component 'a'", most=8000):
+        shape({"difference": [{"box": [0.5, 0.5, 0.5]}, *holes]})
+
+
+def test_parts_that_no_tolerance_keeps_near_the_solid_are_refused(monkeypatch):
+    monkeypatch.setattr("plugins.tools.solids.making.deviation", lambda *_: 5.0)
+    tube = {"difference": [{"cylinder": [0.031, 0.08]}, {"cylinder": [0.027, 0.1]}]}
+    with refused("E_SOLID_CONVEX", within_mm=1, off_mm=5):
+        shape(tube)  # a new one: what was made is kept
 
 
 @pytest.mark.parametrize("axis", [[-0.00566, -0.00933, 0.01587], [0, 0, 1], [1, -1, 0]])

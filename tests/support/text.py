@@ -1,0 +1,9 @@
+"""Change a text, and be told where that changes nothing."""
+
+
+def replaced(text: str, *changes: tuple[str, str]) -> str:
+    """Replace the first of each old text by its new one; a test whose replacement replaces nothing tests nothing."""
+    for old, new in changes:
+        assert old in text, f"there is no {old!r} to replace"
+        text = text.replace(old, new, 1)
+    return text
