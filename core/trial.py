@@ -226,7 +226,7 @@ class Trial:
     measured: dict[str, float] = field(default_factory=dict)
     figures: dict[str, float] = field(default_factory=dict)
     torques: dict[str, float] = field(default_factory=dict)
-    refusals: tuple[Refusal, ...] = ()
+    refusals: tuple[Refusal, ...] = field(default=(), compare=False)
 
     @property
     def task(self) -> str:

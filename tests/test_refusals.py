@@ -19,6 +19,9 @@ from core.interfaces import JointTrajectory, RolloutSettings
 from core.plugins import installed
 from core.scene import Body
 from core.simulation.attempt import prepare
+from core.store.columns import trial_row
+from core.store.rows import load_trial
+from core.trial import Trial, Where
 from core.values.materials import PAPER, Material
 from plugins.tools.urdf.representation import UrdfTools
 from tests.panda import ARM, PANDA, on_panda
@@ -195,3 +198,19 @@ def test_codes_pass_up_with_what_was_added_to_the_words():
 
 def test_numbers_that_json_has_not_are_written_as_texts():
     assert Refusal("E_X", {"given": math.nan}).dump()["values"] == {"given": "nan"}
+
+
+def test_the_store_keeps_the_words_of_a_trial_alone():
+    refusals = (Refusal("E_X", {"given": math.nan}),)
+    where = Where("BringCube", "mujoco", 0)
+    trial = Trial(
+        where, "g0-a0-s0-p0", "rejected", reason="too wide", refusals=refusals
+    )
+    again = load_trial(row_of(trial_row("content", trial)))
+    assert again == trial
+    assert again.reason == "too wide"
+    assert again.refusals == ()
+
+
+def row_of(columns):
+    return {**columns, "details": json.dumps(columns["details"])}

@@ -52,7 +52,7 @@ def trial_row(content: str, trial: Trial) -> Columns:
         "status": trial.status,
         "reward": float(trial.reward),
     }
-    details = _dump_fields(trial, "where", "measured", *columns)
+    details = _dump_fields(trial, "where", "measured", "refusals", *columns)
     for name, figure in trial.measured.items():
         if not math.isnan(figure):
             details[name] = float(figure)
