@@ -159,8 +159,15 @@ def compose(line):
         and "--help" not in words
         and not any(word.startswith("resume=") for word in words)
     ):
-        given = [word if "[" in word else word.split(",")[0] for word in words]
-        load(config, given, schema)
+        load(config, [first_value(word) for word in words], schema)
+
+
+def first_value(word):
+    """Leave a sweep's first value: 1 of ``a=1,2`` and of ``a=interval(1,2)``."""
+    if "[" in word:
+        return word
+
+    return re.sub(r"=(interval|choice)\(", "=", word).split(",")[0]
 
 
 def console(page):
