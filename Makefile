@@ -1,7 +1,7 @@
 # The commands of a contributor. `make setup` comes first.
 PYTHON = .venv/bin/python
 
-.PHONY: setup check test site real-model cluster slicer
+.PHONY: setup check test site real-model cluster slicer mutants
 
 setup:
 	python3 -m venv .venv
@@ -35,3 +35,10 @@ cluster:
 # What printing takes, by a real slicer: apt-get install prusa-slicer
 slicer:
 	$(PYTHON) -m pytest -n 0 -s -m slicer tests/plugins/results/workshop
+
+# Random faults in core and plugins, of which the tests should see nearly all: make mutants count=20 room=core/store
+count = 20
+seed = 0
+room = core,plugins
+mutants:
+	$(PYTHON) -m tests.benchmarks.mutants count=$(count) seed=$(seed) room=$(room)
