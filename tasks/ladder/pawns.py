@@ -112,7 +112,7 @@ def fetch(
     """
     length = NECK_M + SLOT_LENGTH_M + flare(mouth)
     before = -(length + STEM_M + SURE * noise_m + 0.015)
-    behind = SURE * noise_m - NECK_M - STEM_M + 0.003
+    behind = 1.7 * SURE * noise_m - NECK_M - STEM_M + 0.003
     low = TAKE_M + DROP_M
     up = low + lift
     x = goal[0] - NECK_M - STEM_M

@@ -11,7 +11,7 @@ import random
 from tasks.ladder.bodies import mark
 from tasks.ladder.designs import SLOT_LENGTH_M, THICK_M, flare, funnel
 from tasks.ladder.pawns import STEM_M, pawn, rail, take
-from tasks.ladder.rung import SURE, Entry, Rung
+from tasks.ladder.rung import SURE, Entry, Rung, spread
 
 GLASS_M = 0.02  # radius
 GLASS_HEIGHT_M = 0.11
@@ -30,10 +30,10 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
     y = rng.uniform(0.02, 0.1)
     near = rng.choice((-1, 1))  # the side on which a glass stands before the pawn
     glasses = [
-        _glass("glass_1", x, y + aside),
-        _glass("glass_2", x, y - aside),
-        _glass("glass_3", x + beyond, y),
-        _glass("glass_4", x - 0.08, y + near * aside),
+        _glass("glass_1", 0, aside),
+        _glass("glass_2", 0, -aside),
+        _glass("glass_3", beyond, 0),
+        _glass("glass_4", -0.08, near * aside),
     ]
     scene = {
         "description": (
@@ -63,6 +63,7 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
         "variations": {
             "wide": {
                 "bodies.pawn.position.x": "+-0.005",
+                "bodies.pawn.position.y": f"+-{spread(noise_m)}",
                 "bodies.glass_*.position.x": "+-0.005",
             }
         },
@@ -71,10 +72,12 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
 
 
 def _glass(name: str, x: float, y: float) -> Entry:
+    """Write a glass that stands by the pawn, and moves with it from layout to layout."""
     return {
         "name": name,
+        "at": "pawn",
         "cylinder": {"radius": GLASS_M, "length": GLASS_HEIGHT_M},
-        "position": [round(x, 4), round(y, 4), GLASS_HEIGHT_M / 2 + 0.0001],
+        "position": [round(x, 4), round(y, 4), GLASS_HEIGHT_M / 2],
         "mass": 0.15,
         "friction": 0.4,
         "color": "lightblue",

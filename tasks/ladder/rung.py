@@ -38,6 +38,14 @@ class Family(Protocol):
     def __call__(self, level: int, noise_m: float, rng: random.Random) -> Rung: ...
 
 
+def spread(noise_m: float) -> float:
+    """Return how far layouts move what is handled, to each side, m.
+
+    It is more than the noise, so that a plan must look: where things hardly move, one that doesn't look never errs.
+    """
+    return round(max(0.02, 2.5 * noise_m), 4)
+
+
 def noise_at(level: int) -> float:
     """Return how far off places are seen at a level, m (standard deviation of x and y)."""
     return NOISES_M[min(level, len(NOISES_M)) - 1]

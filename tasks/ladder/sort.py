@@ -10,9 +10,10 @@ import random
 
 from tasks.ladder.designs import THICK_M, funnel
 from tasks.ladder.pawns import BASE_M, STEM_M, pawn, rail, take
-from tasks.ladder.rung import SURE, Entry, Rung
+from tasks.ladder.rung import SURE, Entry, Rung, spread
 
 ZONE_X_M = 0.45
+RAIL_Y_M = 0.31
 ZONE_Y_M = 0.42
 PLACES_Y_M = (0.48, 0.37)  # of the first and the second pawn of a zone
 ROW_X_M = 0.54
@@ -34,6 +35,17 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
         y = (number - (count - 1) / 2) * apart
         bodies.append(pawn(f"{color}_{number}", x, y, color))
 
+    outer_first = sorted(bodies, key=lambda body: -abs(body["position"][1]))
+    names = [body["name"] for body in outer_first]
+    # The others stand by the first, and move with it from layout to layout.
+    first, *others = bodies
+    begin = first["position"][1]
+    for body in others:
+        body["at"] = first["name"]
+        body["position"] = [0, round(body["position"][1] - begin, 4), 0]
+
+    free = max(RAIL_Y_M - abs(begin) - BASE_M - 0.02, 0.004)
+
     scene = {
         "description": (
             f"{count} pawns, red and blue, stand in a row on the table, {1000 * apart:.0f} mm apart, "
@@ -46,7 +58,11 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
             "zone at the left, and each blue one into the blue zone at the right, with one plan. All must stay upright "
             "and be let go."
         ),
-        "bodies": [*bodies, rail("rail_1", 0.31, 0.4), rail("rail_2", -0.31, 0.4)],
+        "bodies": [
+            *bodies,
+            rail("rail_1", RAIL_Y_M, 0.4),
+            rail("rail_2", -RAIL_Y_M, 0.4),
+        ],
         "marks": [
             _zone("red_zone", ZONE_Y_M, "salmon"),
             _zone("blue_zone", -ZONE_Y_M, "skyblue"),
@@ -64,13 +80,11 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
         ],
         "variations": {
             "wide": {
-                "bodies.*.position.x": "+-0.006",
-                "bodies.*.position.y": "+-0.004",
+                f"bodies.{first['name']}.position.x": f"+-{spread(noise_m)}",
+                f"bodies.{first['name']}.position.y": f"+-{min(spread(noise_m), round(free, 4))}",
             }
         },
     }
-    outer_first = sorted(bodies, key=lambda body: -abs(body["position"][1]))
-    names = [body["name"] for body in outer_first]
     return Rung(scene, *take(noise_m, _list_jobs(names), LIFT_M))
 
 

@@ -18,7 +18,7 @@ from tasks.ladder.designs import (
     post,
     waypoint,
 )
-from tasks.ladder.rung import SURE, Entry, Rung
+from tasks.ladder.rung import SURE, Entry, Rung, spread
 
 MOST_SWING_M = 0.18
 HEIGHT_M = 0.09  # of the button
@@ -76,8 +76,8 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
         "goals": [{"joint": "press", "to": f"> {DEEP_M}"}],
         "variations": {
             "wide": {
-                "bodies.track.position.x": "+-0.02",
-                "bodies.track.position.y": "+-0.03",
+                "bodies.track.position.x": f"+-{spread(noise_m)}",
+                "bodies.track.position.y": f"+-{spread(noise_m)}",
             }
         },
     }
