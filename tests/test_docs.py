@@ -34,6 +34,7 @@ from plugins.commands.prompt import PromptConfig
 from plugins.conformance.scenery import stick
 from plugins.conformance.suites import examine
 from plugins.new.new_command import write as write_package
+from tests import scara
 from tests.commands import python_m, warm_python
 from tests.core.run_folders import write_run
 from tests.outside_arm import write_arm
@@ -129,8 +130,10 @@ def test_command(line, tmp_path):
     (tmp_path / "tasks").mkdir()
     (tmp_path / "tasks" / "scenes").symlink_to(ROOT / "tasks" / "scenes")
     words = after_python(line)[1:]
-    if "robot.path=my_lab" in line:
+    if "my_lab" in line:
         write_arm(tmp_path / "my_lab")
+    if "import scara.urdf" in line:  # what the page's line before it writes
+        scara.write(tmp_path / "scara.urdf")
     if words[0] == "core.run" and "--help" not in words:
         words += SMALL
     if words[:2] == ["core", "report"]:

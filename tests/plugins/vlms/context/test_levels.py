@@ -21,7 +21,7 @@ from tests.rare import rare
 
 pytestmark = pytest.mark.slow
 
-OF_OTHERS = ("file", "multitask")  # tasks whose scene is a file's or other tasks'
+OF_OTHERS = ("file", "ladder", "multitask")  # tasks whose scene is data or other tasks'
 TASKS = [
     offer.name
     for offer in installed().offers.values()
