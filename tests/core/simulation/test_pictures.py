@@ -63,6 +63,7 @@ def test_a_film_shows_the_motion_and_lasts_as_long(tmp_path):
     assert differ[-1] > 0.3  # it is another view
 
 
+@pytest.mark.thorough
 def test_a_film_says_what_a_look_saw():
     task = installed().create("task", "BringCube")
     engine = installed().create("sim", "pybullet")

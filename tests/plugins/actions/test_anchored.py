@@ -308,6 +308,7 @@ def test_a_hundred_warnings_are_a_line():
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("inline")
+@pytest.mark.thorough
 def test_a_run_is_stored_and_goes_on_with_its_plans_as_written(tmp_path):
     words = [
         *("budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2"),

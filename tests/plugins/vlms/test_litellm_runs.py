@@ -273,6 +273,7 @@ def test_a_run_asks_once_for_lessons_and_keeps_them_within_bounds(tmp_path):
 
 
 @pytest.mark.parametrize("shown", rare(["lessons", "examples"], "lessons"))
+@pytest.mark.thorough
 def test_a_run_that_is_shown_what_others_taught_ends_and_writes_no_lessons(
     shown, tmp_path
 ):

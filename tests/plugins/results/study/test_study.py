@@ -186,6 +186,7 @@ def test_a_run_under_way_when_three_have_failed_is_counted_too(tmp_path, capsys)
     assert fail(tmp_path, capsys, TASKS[:4], jobs=4) == 4
 
 
+@pytest.mark.thorough
 def test_after_three_failures_no_run_begins(tmp_path, capsys):
     """The next run may begin while the third failure is noted. A report of no run would hide why all failed."""
     assert 3 <= fail(tmp_path, capsys, TASKS, jobs=1) < 6

@@ -109,6 +109,7 @@ def test_the_table_has_the_rewards_and_the_chosen_are_designs(made):
     )
 
 
+@pytest.mark.thorough
 def test_a_library_keeps_tools_and_stands_in_the_place_of_runs(folders, tmp_path):
     library = tmp_path / "library"
     main(["add", str(folders), f"output={library}"])

@@ -65,7 +65,11 @@ def test_metal_is_milled():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("task", "side_mm", "possible"),
-    [("OneBook", 500, True), ("MoveBall", 500, True), ("OneBook", 60, False)],
+    [
+        ("OneBook", 500, True),
+        pytest.param("MoveBall", 500, True, marks=pytest.mark.thorough),
+        pytest.param("OneBook", 60, False, marks=pytest.mark.thorough),
+    ],
 )
 def test_the_verdict_of_a_run_is_that_of_its_export(task, side_mm, possible, tmp_path):
     words = [f"task={task}", "tool=boxes", f"printer.plate_mm={[side_mm] * 3}"]

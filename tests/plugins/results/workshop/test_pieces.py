@@ -150,6 +150,7 @@ def test_a_joint_is_as_strong_as_its_tongue(hook):
     assert joint.name not in {row.component for row in rows}
 
 
+@pytest.mark.thorough
 def test_a_thin_shaft_is_thicker_around_its_joint_and_flat_on_one_side():
     made = make(STRIP)
     assert {line.partition(":")[0] for line in failing(made)} <= {"weight"}
@@ -158,6 +159,7 @@ def test_a_thin_shaft_is_thicker_around_its_joint_and_flat_on_one_side():
     assert min(component.shape.bounds[1]) > 0.011
 
 
+@pytest.mark.thorough
 def test_a_thin_rod_comes_in_closed_pieces():
     rod = Component("rod", "tool_mount", at(0, 0, -0.1), Cylinder(0.002, 0.2))
     made = make(Tool((rod,)))
@@ -205,6 +207,7 @@ def test_a_loop_is_opened_by_two_cuts_along_one_direction(loop):
             assert (drawn_off ^ below).volume() < 1
 
 
+@pytest.mark.thorough
 def test_exact_solids_of_a_loop_are_its_pieces(loop, tmp_path):
     pytest.importorskip("OCP")
     assert write_step(loop, tmp_path).passed

@@ -65,6 +65,7 @@ def grown(solid):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_pieces_put_together_by_the_sheet_are_the_solid_within_a_fifth_of_a_millimetre(
     tmp_path,
 ):

@@ -47,6 +47,7 @@ def test_a_loose_vessel_with_two_handles_is_poured_out(tmp_path, holds, handles,
     assert ("pour" in list_ways(brief)) == pours
 
 
+@pytest.mark.thorough
 def test_legs_are_poured_into_the_box():
     rewards = earn(make_brief(on_panda(TurkeyLegs())), "pour", 4)
     assert sum(reward > 0.9 for reward in rewards) >= 2
