@@ -204,6 +204,7 @@ class NumberSearch:
         self._numbers = variation.parameters(start.candidate)
         self._values = self._numbers.values
         self._asked: dict[str, Array] = {}
+        self._yielded = {start.candidate.content}
         others = [
             variation.toward(start.candidate, other)
             for other in earned
@@ -213,15 +214,17 @@ class NumberSearch:
         self._rng = np.random.default_rng(int(start.candidate.content[:8], 16))
 
     def ask(self, generation: int) -> Iterator[Candidate]:
-        """Yield a population; what breaks a rule is drawn again."""
+        """Yield a population; what breaks a rule, or was yielded before, is drawn again."""
         for strategy in range(POPULATION):
             key = (generation, self.number, strategy, 0)
             for _ in range(TRIES):
                 values = self._move()
                 candidate = self._variation.vary(self._start, values, key)
-                if candidate.problem is None:
+                is_new = candidate.content not in self._yielded
+                if candidate.problem is None and is_new:
                     break
 
+            self._yielded.add(candidate.content)
             self._asked[candidate.id] = values
             yield candidate
 

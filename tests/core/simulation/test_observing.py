@@ -65,11 +65,7 @@ def test_twelve_failures_are_named_two_of_each_kind():
 
 
 HARD = {  # reference solutions that are shifted, m, and what is said first
-    # In SAPIEN the blade that is held back by the board also tips the vase, which counts for more.
-    ("SweepCards", (0, 0, -0.012)): (
-        "forbidden: board pressed with",
-        "forbidden: vase moved",
-    ),
+    ("SweepCards", (0, 0, -0.006)): "forbidden: board pressed with",
     ("SweepCards", (0, 0.025, 0)): "forbidden: blade touched vase",
     ("PastGlasses", (0, 0.025, 0)): "forbidden: left_prong touched glass_2",
     ("StopCart", (0.03, 0, 0)): "forbidden: ",
