@@ -131,8 +131,7 @@ def rewards(results: Results) -> FigurePage | None:
 
         figure, ax = _draw_estimates(rows)
         ax.set_yticks(middles, [wrapped(task, 30) for task in results.tasks])
-        start = _start_of([value for row in rows for value in row.values])
-        ax.set(xlim=(start, 1 + 0.02 * (1 - start)), xlabel=_name_axis(start))
+        _limit_rewards(ax, rows)
         _name_looks(figure, ax)
         return figure
 
@@ -152,8 +151,7 @@ def means(results: Results, listed: Table) -> FigurePage | None:
 
     def paint() -> Figure:
         figure, ax = _draw_estimates(rows)
-        start = _start_of([value for row in rows for value in row.values])
-        ax.set(xlim=(start, 1 + 0.02 * (1 - start)), xlabel=_name_axis(start))
+        _limit_rewards(ax, rows)
         _name_rows(ax, rows)
         return figure
 
@@ -229,18 +227,16 @@ def _name_rows(ax: Any, rows: Sequence[_Estimate]) -> None:
     ax.set_yticks([row.place for row in rows], [row.look["label"] for row in rows])
 
 
-def _start_of(rewards: Sequence[float]) -> float:
-    """Return where an axis of rewards begins: at 0, or where all are high nearer to the least of them."""
-    least = min(rewards)
-    if least < 0.5:
-        return 0.0
+def _limit_rewards(ax: Any, rows: Sequence[_Estimate]) -> None:
+    """Let an axis of rewards begin at 0, or where all are high nearer to the least of them."""
+    least = min(min(row.values) for row in rows)
+    start = 0.0
+    if least >= 0.5:
+        step = 0.05 if least < 0.95 else 0.005
+        start = max(0.0, math.floor(least / step - 0.5) * step)
 
-    step = 0.05 if least < 0.95 else 0.005
-    return max(0.0, math.floor(least / step - 0.5) * step)
-
-
-def _name_axis(start: float) -> str:
-    return f"reward (from {start:.3g} to 1)"
+    end = 1 + 0.02 * (1 - start)
+    ax.set(xlim=(start, end), xlabel=f"reward (from {start:.3g} to 1)")
 
 
 def on_some_tasks(results: Results) -> FigurePage | None:
