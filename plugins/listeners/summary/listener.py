@@ -225,7 +225,9 @@ def _remarks(run: Run, result: Result, best: Evaluation) -> Iterator[str]:
         yield f"least margin of the best {number(least.margin, 2)}: {least}"
 
     if best.hardest is not None:
-        yield f"most torque of the best: {best.hardest}"
+        engines = dict.fromkeys(trial.engine for trial in best.trials)
+        counted = f"as {', '.join(engines)} counts it (engines differ in this)"
+        yield f"most torque of the best: {best.hardest}, {counted}"
 
     yield from _count_benches(run, result, best)
 
