@@ -40,8 +40,8 @@ MESHES = {
 def write_arm(folder: Path) -> Path:
     """Write the arm's package to ``folder``/outside_arm; return its URDF file."""
     package = folder / "outside_arm"
-    (package / "meshes").mkdir(parents=True)
-    (package / "urdf").mkdir()
+    (package / "meshes").mkdir(parents=True, exist_ok=True)
+    (package / "urdf").mkdir(exist_ok=True)
     (package / "package.xml").write_text(
         "<package><name>outside_arm</name></package>\n"
     )
