@@ -35,10 +35,10 @@ from docs import gallery
 from docs.diagrams import DRAWINGS
 from plugins.fitness.layouts import UNSEEN
 from plugins.vlms.context.strip import SIZE, draw_strip
-from tests import solutions
-from tests.panda import on_panda
 from tests.plugins.actions.test_strike import Strike, swing
 from tests.plugins.actions.test_throw import Throw, throw
+from tests.support import solutions
+from tests.support.panda import on_panda
 
 DOCS = Path(__file__).parent
 IMAGES = DOCS / "images" / "tasks"

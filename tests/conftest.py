@@ -14,9 +14,9 @@ import pytest
 from hypothesis import settings
 
 from core.errors import UserError
-from tests.disks import disk, sealed  # noqa: F401  # fixtures
-from tests.executors import inline  # noqa: F401  # a fixture
-from tests.processes import undisturbed  # noqa: F401  # a fixture
+from tests.support.disks import disk, sealed  # noqa: F401  # fixtures
+from tests.support.executors import inline  # noqa: F401  # a fixture
+from tests.support.processes import undisturbed  # noqa: F401  # a fixture
 
 # What this user has typed is no part of a test, nor what a test types of this user.
 os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="vlmgineer-state-")

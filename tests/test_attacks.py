@@ -17,9 +17,9 @@ from core.designs.reading import read_designs
 from core.interfaces import RolloutSettings
 from core.plugins import installed
 from tests.benchmarks.absurd import Watched
-from tests.engines import mujoco_first, simulator
-from tests.playing import evaluate_batch
-from tests.rare import mostly
+from tests.support.engines import mujoco_first, simulator
+from tests.support.playing import evaluate_batch
+from tests.support.rare import mostly
 
 FOLDER = Path(__file__).parent / "attacks"
 RULE, NO_RULE = "plugins.tools.joint_rules.check_joints", lambda *_: None

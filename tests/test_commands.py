@@ -14,9 +14,9 @@ import pytest
 import trimesh
 from PIL import Image
 
-from tests.commands import python_m
 from tests.conftest import PYBULLET
-from tests.rare import rare
+from tests.support.commands import python_m
+from tests.support.rare import rare
 
 pytestmark = pytest.mark.slow
 

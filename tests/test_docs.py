@@ -34,13 +34,13 @@ from plugins.commands.prompt import PromptConfig
 from plugins.conformance.scenery import stick
 from plugins.conformance.suites import examine
 from plugins.new.new_command import write as write_package
-from tests import scara
-from tests.commands import python_m, warm_python
 from tests.core.run_folders import write_run
-from tests.outside_arm import write_arm
-from tests.packages import install
-from tests.panda import PANDA
-from tests.rare import rare
+from tests.support import scara
+from tests.support.commands import python_m, warm_python
+from tests.support.outside_arm import write_arm
+from tests.support.packages import install
+from tests.support.panda import PANDA
+from tests.support.rare import rare
 
 pytestmark = pytest.mark.slow
 

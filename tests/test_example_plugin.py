@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from tests import commands
-from tests.packages import install
+from tests.support import commands
+from tests.support.packages import install
 
 pytestmark = pytest.mark.slow
 

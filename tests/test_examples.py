@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.packages import ONE_CANDIDATE, PYTHON, install
+from tests.support.packages import ONE_CANDIDATE, PYTHON, install
 
 pytestmark = [pytest.mark.slow, pytest.mark.thorough]
 

@@ -9,7 +9,7 @@ from PIL import Image
 
 from core.simulation.play import play
 from docs import gallery
-from tests.rare import rare
+from tests.support.rare import rare
 
 FIGURES = json.loads(gallery.FIGURES.read_text("utf-8"))
 DESIGNS = [

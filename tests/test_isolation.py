@@ -7,10 +7,10 @@ from core.interfaces import Condition
 from core.plugins import Offer, PluginPart, installed
 from core.plugins.blame import PluginError
 from core.simulation.play import play
-from tests import faults, toys
 from tests.conftest import POPULATION
-from tests.faults import FAULTS, SLIDE, Faulty, Slide, candidate
-from tests.playing import evaluate_all
+from tests.support import faults, toys
+from tests.support.faults import FAULTS, SLIDE, Faulty, Slide, candidate
+from tests.support.playing import evaluate_all
 
 COUNT, BAD = POPULATION, POPULATION // 10
 

@@ -6,8 +6,8 @@ import time
 
 import pytest
 
-from tests.disks import mount
-from tests.processes import (
+from tests.support.disks import mount
+from tests.support.processes import (
     SMALL,
     finished,
     go_on,

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.packages import ONE_CANDIDATE, without
-from tests.rare import rare
+from tests.support.packages import ONE_CANDIDATE, without
+from tests.support.rare import rare
 
 pytestmark = pytest.mark.slow
 

@@ -24,7 +24,7 @@ from core.store.rows import load_trial
 from core.trial import Trial, Where
 from core.values.materials import PAPER, Material
 from plugins.tools.urdf.representation import UrdfTools
-from tests.panda import ARM, PANDA, on_panda
+from tests.support.panda import ARM, PANDA, on_panda
 from tests.support.refusing import (
     DOORS,
     Row,

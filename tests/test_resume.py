@@ -21,12 +21,12 @@ from core.search import patience
 from core.search.orchestration import resume, run, run_and_print, run_job
 from core.store.database import FILE, LOCK
 from core.trial import Where
-from tests import toys
-from tests.commands import python_m
 from tests.core.run_folders import edit
-from tests.disks import mount, small_files
-from tests.kills import SETTINGS
-from tests.rare import rare
+from tests.support import toys
+from tests.support.commands import python_m
+from tests.support.disks import mount, small_files
+from tests.support.kills import SETTINGS
+from tests.support.rare import rare
 
 pytestmark = pytest.mark.slow
 
@@ -153,7 +153,7 @@ def test_a_run_killed_at_any_moment_comes_to_the_same_end_and_repeats_nothing(
 ):
     points = int(os.environ.get("KILLS", POINTS[setting]))
     words = [str(tmp_path), str(points), setting]
-    command = [sys.executable, "-m", "tests.kills", *words]
+    command = [sys.executable, "-m", "tests.support.kills", *words]
     done = subprocess.run(
         command, cwd=ROOT, capture_output=True, text=True, timeout=3600
     )

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes import (
+from tests.support.processes import (
     PATIENCE_S,
     SMALL,
     all_gone,

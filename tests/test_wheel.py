@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from tests.packages import ONE_CANDIDATE, PYTHON, install
+from tests.support.packages import ONE_CANDIDATE, PYTHON, install
 
 pytestmark = pytest.mark.slow
 

@@ -25,7 +25,7 @@ from core.scene import Filling, Scene, State
 from core.solids.tracks import Track
 from core.trial import Evaluation
 from plugins.results.workshop.tracks import body_tracks, robot_tracks
-from tests.panda import PANDA
+from tests.support.panda import PANDA
 
 # From here on a tool, a motion or an end counts as absurd.
 PARTED_M = 0.005

@@ -57,8 +57,8 @@ from plugins.tools.joint_rules import (
 from plugins.tools.varying import tool_numbers, vary_tool
 from tests.benchmarks import measuring
 from tests.benchmarks.absurd import EVERYWHERE, MEASURES, Watched, tried
-from tests.playing import evaluate_batch
-from tests.solutions import FILES, anchored, representation
+from tests.support.playing import evaluate_batch
+from tests.support.solutions import FILES, anchored, representation
 
 USAGE = (
     "usage: python -m tests.benchmarks.cheats [folder=DIR] [tasks=NAME,...] [measures=NAME,...] [sim=NAME] "

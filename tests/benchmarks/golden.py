@@ -25,7 +25,7 @@ from core.support.cli import command
 from core.trial import Condition
 from plugins.commands.evaluate import record as entry
 from tests.benchmarks import measuring
-from tests.playing import evaluate_all
+from tests.support.playing import evaluate_all
 
 USAGE = (
     "usage: python -m tests.benchmarks.golden record folder=DIR [like=DIR] [sims=NAME,NAME,...] [tasks=NAME,...] "

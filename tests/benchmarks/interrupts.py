@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from core.support.cli import command, say
-from tests.processes import family, living
+from tests.support.processes import family, living
 
 ROOT = Path(__file__).parents[2]
 SOLUTION = ROOT / "tests" / "tasks" / "solutions" / "BringCube.json"

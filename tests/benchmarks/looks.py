@@ -29,7 +29,7 @@ from core.support.cli import command
 from plugins.actions.anchored import AnchoredPlan
 from plugins.actions.blocks import LookStep, Repeat, Sighting, list_waypoints
 from tests.benchmarks import measuring
-from tests.solutions import anchored, representation
+from tests.support.solutions import anchored, representation
 
 LOOKING = Path(__file__).parent / "looking"
 RISE_M = 0.15

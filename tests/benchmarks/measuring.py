@@ -27,7 +27,7 @@ from core.plugins import PluginPart, installed
 from core.trial import Condition
 from plugins.commands.prompt import PromptConfig, compose
 from plugins.conformance.shared import ready
-from tests.playing import evaluate_all
+from tests.support.playing import evaluate_all
 
 T = TypeVar("T")
 

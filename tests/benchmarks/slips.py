@@ -28,9 +28,9 @@ from core.solids.soft_passages import find_soft_passages
 from core.solids.tracks import Tracks
 from core.support.cli import arguments, command
 from tests.benchmarks import measuring
-from tests.panda import ARM, PANDA, on_panda
-from tests.playing import evaluate_batch
-from tests.solutions import anchored
+from tests.support.panda import ARM, PANDA, on_panda
+from tests.support.playing import evaluate_batch
+from tests.support.solutions import anchored
 
 USAGE = "usage: python -m tests.benchmarks.slips [speeds=M_S,...] [youngs=PA,...]"
 LONG_M = 0.2  # of the tool

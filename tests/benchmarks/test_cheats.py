@@ -16,7 +16,7 @@ from core.robot.trajectory import at_home
 from core.scene import Elastic, Filling, Region, Scene, Soft, State
 from plugins.conformance.evaluations import tried_once
 from tests.benchmarks import absurd, cheats
-from tests.solutions import anchored
+from tests.support.solutions import anchored
 
 SOFT = Elastic(150, 20000)
 

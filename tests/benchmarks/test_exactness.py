@@ -8,7 +8,7 @@ from core.errors import UserError
 from core.interfaces import Outcome, Simulator
 from plugins.conformance.worlds import GRAVITY
 from tests.benchmarks.exactness import main, measure
-from tests.panda import PANDA
+from tests.support.panda import PANDA
 
 
 @pytest.mark.thorough

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.disks import mount
+from tests.support.disks import mount
 
 ROOT = Path(__file__).parents[2]
 

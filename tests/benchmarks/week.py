@@ -31,9 +31,9 @@ from core.search import patience
 from core.search.orchestration import run_and_print
 from core.store.reader import StoredRun
 from core.support.cli import command
-from tests import toys
 from tests.benchmarks import measuring
 from tests.benchmarks.load import measure
+from tests.support import toys
 
 USAGE = "usage: python -m tests.benchmarks.week FOLDER [candidates=N] [generations=N]"
 AGENTS, TOOLS = 4, 5

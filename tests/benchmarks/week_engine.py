@@ -8,7 +8,7 @@ from typing import Any
 
 from core.hooks import Factories, hookimpl
 from core.interfaces import Outcome
-from tests.toys import Notes, ToyEngine, ToyModel
+from tests.support.toys import Notes, ToyEngine, ToyModel
 
 LEAK_BYTES = 20_000_000
 HANGS_AT = 40

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tests.cluster.slurm import free_ports, wait_until
-from tests.processes import family
+from tests.support.processes import family
 
 RAY = [sys.executable, "-m", "ray.scripts.scripts"]  # the command ``ray``
 SMALL_MB = 100

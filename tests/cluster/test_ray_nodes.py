@@ -14,7 +14,7 @@ import pytest
 
 from tests.cluster.ray_nodes import cluster
 from tests.cluster.slurm import PATIENCE_S, wait_until
-from tests.processes import stored
+from tests.support.processes import stored
 
 pytestmark = pytest.mark.cluster
 

@@ -36,7 +36,7 @@ from plugins.results.report import report_command as report
 from plugins.results.toolbox import toolbox_command as toolbox
 from plugins.results.workshop import export_command as export
 from tests.core.run_folders import write_run
-from tests.executors import Inline
+from tests.support.executors import Inline
 
 SMALL = (
     "budget.n_agent=2",

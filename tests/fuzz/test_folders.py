@@ -3,7 +3,7 @@
 import pytest
 
 from tests.fuzz.folders import ready
-from tests.rare import rare
+from tests.support.rare import rare
 
 pytestmark = [pytest.mark.slow, pytest.mark.thorough]
 

@@ -34,9 +34,9 @@ from plugins.robots import hulls
 from plugins.robots.own_arm import read_robot
 from plugins.simulators.inertia import inertia_of
 from plugins.tasks.file.imports import read_bodies, solids
-from tests import outside_arm
 from tests.plugins.tasks.file.imports.conftest import called
 from tests.plugins.tasks.file.imports.test_urdf import cabinet, joint, link, mesh
+from tests.support import outside_arm
 
 SLOWEST_S = 20.0
 VALUES = [

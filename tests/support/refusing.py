@@ -23,7 +23,7 @@ from core.designs.start import SpawnRules
 from core.errors import CodedError, Refusal, UserError
 from core.plugins import installed
 from plugins.tasks.file.task import FileTask
-from tests.panda import on_panda
+from tests.support.panda import on_panda
 from tests.support.scenes import CubeOnTable
 from tests.support.text import replaced
 

@@ -9,10 +9,10 @@ from core.designs.reading import load_designs, read_designs
 from core.interfaces import RolloutSettings
 from core.plugins import installed
 from plugins.fitness.layouts import UNSEEN
-from tests.engines import simulator
-from tests.playing import evaluate_batch
-from tests.rare import rare
-from tests.solutions import anchored, representation
+from tests.support.engines import simulator
+from tests.support.playing import evaluate_batch
+from tests.support.rare import rare
+from tests.support.solutions import anchored, representation
 
 pytestmark = pytest.mark.slow
 

@@ -11,9 +11,9 @@ from core.interfaces import RolloutSettings
 from core.plugins import installed
 from core.simulation.attempt import prepare
 from tasks.bring_cube import SIDE
-from tests.engines import every_simulator, mujoco_first, simulator
-from tests.playing import evaluate_batch
-from tests.rare import rare
+from tests.support.engines import every_simulator, mujoco_first, simulator
+from tests.support.playing import evaluate_batch
+from tests.support.rare import rare
 
 SHAPES = Path(__file__).parent / "solutions" / "shapes"
 TOOLS = {

@@ -7,7 +7,7 @@ import pytest
 
 from core.config.compose import load
 from plugins.commands.evaluate import evaluate
-from tests.rare import rare
+from tests.support.rare import rare
 
 FILES = sorted((Path(__file__).parent / "solutions" / "multitask").glob("*.json"))
 

@@ -7,8 +7,8 @@ import pytest
 from core.designs.reading import load_designs, read_designs
 from core.errors import UserError
 from core.plugins import installed
-from tests.engines import every_simulator, simulator
-from tests.playing import evaluate_batch
+from tests.support.engines import every_simulator, simulator
+from tests.support.playing import evaluate_batch
 
 ROOT = Path(__file__).parents[2]
 SCENES = sorted((ROOT / "tasks/scenes").glob("*.yaml"))

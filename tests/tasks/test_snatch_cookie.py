@@ -7,7 +7,7 @@ import pytest
 
 from core.scene import State
 from tasks.snatch_cookie import JAR, THICKNESS, SnatchCookie
-from tests.panda import on_panda
+from tests.support.panda import on_panda
 
 TASK = on_panda(SnatchCookie())
 START = TASK.scene(0).state()

@@ -26,10 +26,10 @@ from core.plugins import installed
 from core.robot.solids import Obstacles, body_solids, signed_distance
 from core.values.layouts import Draw
 from plugins.fitness.layouts import UNSEEN
-from tests.engines import every_simulator, mujoco_first, simulator
-from tests.panda import ARM, FINGER_OPEN
-from tests.playing import evaluate_batch
-from tests.solutions import anchored
+from tests.support.engines import every_simulator, mujoco_first, simulator
+from tests.support.panda import ARM, FINGER_OPEN
+from tests.support.playing import evaluate_batch
+from tests.support.solutions import anchored
 
 pytestmark = pytest.mark.slow
 

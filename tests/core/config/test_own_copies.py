@@ -12,7 +12,7 @@ from core.config.own_copies import FOLDER, INDEX, keep_inputs, use_copies
 from core.config.remembered import remember
 from core.errors import UserError
 from core.robot.kinematics import arm_of
-from tests.outside_arm import write_arm
+from tests.support.outside_arm import write_arm
 
 SCENE = """\
 name: PushPast

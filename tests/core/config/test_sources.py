@@ -13,7 +13,7 @@ from core.plugins import KINDS, installed
 from core.plugins.kinds import PAPER_BUDGET
 from core.plugins.registry import Plugins
 from tests.core.plugins.offering import Engine, Offering
-from tests.rare import rare
+from tests.support.rare import rare
 
 pytestmark = pytest.mark.slow
 

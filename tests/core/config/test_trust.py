@@ -13,7 +13,7 @@ from core.search.run_settings import stored_config
 from core.store.database import Database, refuse_links
 from core.store.recorder import RunStore
 from plugins.results.pages.runs import LeftOutRun, read_run
-from tests.commands import python_m
+from tests.support.commands import python_m
 
 pytestmark = pytest.mark.slow
 

@@ -46,8 +46,8 @@ from plugins.vlms.context.excerpts import task_source
 from plugins.vlms.critic import CRITIC
 from plugins.vlms.recalling import TEMPLATE
 from plugins.vlms.second_look import REPAIR, SecondLook
-from tests.panda import PANDA, on_panda
-from tests.rare import rare
+from tests.support.panda import PANDA, on_panda
+from tests.support.rare import rare
 
 pytestmark = pytest.mark.slow
 

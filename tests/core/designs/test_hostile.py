@@ -15,7 +15,7 @@ from core.designs.replies import parse_reply
 from core.designs.rules import MAX_COMPONENTS
 from core.plugins import installed
 from tests.conftest import FUZZ_CASES
-from tests.hostile import (
+from tests.support.hostile import (
     REPLIES,
     ROD,
     TOOLS,
@@ -27,8 +27,8 @@ from tests.hostile import (
     sound,
     tool_reply,
 )
-from tests.rare import mostly
-from tests.soundness import check_candidate
+from tests.support.rare import mostly
+from tests.support.soundness import check_candidate
 
 pytestmark = pytest.mark.slow
 

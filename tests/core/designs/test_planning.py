@@ -7,7 +7,7 @@ from core.designs.planning import look, resolve
 from core.errors import UsageError
 from core.interfaces import ActionPlan, Perception, RolloutSettings, Tempo, Waypoints
 from tasks.bring_cube import BringCube
-from tests.panda import on_panda
+from tests.support.panda import on_panda
 from tests.support.refusing import refused
 
 TASK = on_panda(BringCube())

@@ -12,8 +12,8 @@ from core.interfaces import EvolutionStrategy, GivenTools
 from core.plugins import Offer, installed
 from core.search.orchestration import run
 from tasks.bring_cube import BringCube
-from tests import toys
-from tests.panda import on_panda
+from tests.support import toys
+from tests.support.panda import on_panda
 
 
 def rod(z=-0.1, mass=0.005, length=0.2):

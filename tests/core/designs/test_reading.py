@@ -18,9 +18,9 @@ from core.interfaces import ToolRepresentation
 from core.simulation.play import play
 from core.support.text import clean
 from core.values.plans import NO_PLAN
-from tests.faults import Faulty
-from tests.panda import on_panda
-from tests.playing import condition
+from tests.support.faults import Faulty
+from tests.support.panda import on_panda
+from tests.support.playing import condition
 from tests.support.scenes import CubeOnTable
 
 pytestmark = pytest.mark.slow

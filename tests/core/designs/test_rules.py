@@ -14,7 +14,7 @@ from core.geometry import Box, Cylinder, Mesh, Pose, Sphere
 from core.plugins import Plugins
 from core.scene import Body, Geom
 from tests.core.plugins.offering import Offering
-from tests.panda import PANDA, on_panda
+from tests.support.panda import PANDA, on_panda
 from tests.support.refusing import refused
 from tests.support.scenes import CubeOnTable
 

@@ -19,8 +19,8 @@ from core.values.printers import MK4
 from plugins.commands.prompt import PromptConfig, compose
 from plugins.tools.mounting import describe_weight
 from tests.core.designs.test_rules import box, rigid
-from tests.panda import PANDA
-from tests.rare import rare
+from tests.support.panda import PANDA
+from tests.support.rare import rare
 
 SOLID = Material("solid", 1240, young_pa=2.5e9, strength_pa=26e6)
 

@@ -11,7 +11,7 @@ from core.designs.stiffness import Beams
 from core.geometry import Pose
 from core.values.materials import Material
 from tests.core.designs.test_rules import box, rigid
-from tests.panda import PANDA
+from tests.support.panda import PANDA
 
 SOLID = Material("solid", 1240, young_pa=2.5e9, strength_pa=26e6)
 

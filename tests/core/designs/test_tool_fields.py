@@ -16,10 +16,10 @@ from core.plugins import installed
 from core.scene import FIXTURE
 from core.search.assignment import Assignment
 from plugins.results.artifacts import save_design
-from tests.engines import simulator
-from tests.panda import on_panda
-from tests.playing import evaluate_batch
 from tests.plugins.tasks.file.test_scenes import SCENES
+from tests.support.engines import simulator
+from tests.support.panda import on_panda
+from tests.support.playing import evaluate_batch
 from tests.support.refusing import fits, refused
 
 BOXES = installed().create("tool", "boxes")

@@ -1,13 +1,13 @@
 import pytest
 
 from core.plugins import Offer, blame, describe_failure
-from tests.faults import Faulty
+from tests.support.faults import Faulty
 
 
 def test_the_plugin_deepest_in_the_traceback_is_named(found, monkeypatch):
     monkeypatch.setattr(blame, "installed", lambda: found)
     found.offers = {
-        ("sim", "a"): Offer("sim", "a", "a", "dist-a", "tests.faults:Faulty"),
+        ("sim", "a"): Offer("sim", "a", "a", "dist-a", "tests.support.faults:Faulty"),
         ("listener", "b"): Offer(
             "listener", "b", "b", "dist-b", "somewhere.else:Listener"
         ),

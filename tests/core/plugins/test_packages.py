@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from tests.packages import PYTHON
-from tests.rare import rare
+from tests.support.packages import PYTHON
+from tests.support.rare import rare
 
 pytestmark = pytest.mark.slow
 

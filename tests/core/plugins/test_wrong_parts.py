@@ -10,7 +10,7 @@ from core.errors import UserError
 from core.interfaces import EvolutionStrategy
 from core.plugins import Offer, installed, parts
 from core.search.orchestration import run
-from tests import toys
+from tests.support import toys
 
 
 class Few(toys.ToyEngine):

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Sphere
 from core.robot.solids import Solid, contact, solid_geometry
-from tests.rare import rare
-from tests.shapes import prism
+from tests.support.rare import rare
+from tests.support.shapes import prism
 
 LEAST_M = 0.002
 MOST_M = 0.1

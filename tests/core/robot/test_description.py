@@ -12,8 +12,8 @@ from core.imports.documents import read_xml
 from core.imports.urdf import read_tree
 from core.robot.description import assemble, assembled
 from core.robot.writing import write
-from tests.panda import ARM_JOINTS, FINGER_JOINTS, HOME_JOINTS, PANDA
-from tests.shapes import bowl, prism
+from tests.support.panda import ARM_JOINTS, FINGER_JOINTS, HOME_JOINTS, PANDA
+from tests.support.shapes import bowl, prism
 
 LEFT, RIGHT = GRIPPER_MOUNTS
 

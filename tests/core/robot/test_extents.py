@@ -6,7 +6,7 @@ import pytest
 from core.plugins import installed
 from core.robot.extents import fingers_of
 from plugins.tools.mounting import finger_gap
-from tests.panda import PANDA
+from tests.support.panda import PANDA
 
 UR5 = installed().create("robot", "ur5")
 

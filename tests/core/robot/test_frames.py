@@ -3,7 +3,7 @@ import pytest
 
 from core.design import Tool
 from core.robot.kinematics import link_frames, robot_model
-from tests.panda import PANDA
+from tests.support.panda import PANDA
 
 RNG = np.random.default_rng(3)
 

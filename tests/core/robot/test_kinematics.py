@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from core.errors import UserError
 from core.geometry import Pose
 from core.robot import kinematics
-from tests.panda import ARM, HOME_JOINTS
+from tests.support.panda import ARM, HOME_JOINTS
 
 seeds = st.integers(0, 2**32 - 1)
 

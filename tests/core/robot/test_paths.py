@@ -4,7 +4,7 @@ from scipy.interpolate import PchipInterpolator, make_interp_spline
 
 from core.robot.kinematics import arm_of
 from core.robot.paths import join_knots
-from tests.panda import PANDA
+from tests.support.panda import PANDA
 
 ARM = arm_of(PANDA)
 

@@ -6,7 +6,7 @@ from core.geometry import Box, Cylinder, Mesh, Sphere
 from core.robot.solids import Obstacles, body_solids, robot_solids, signed_distance
 from core.scene import Body
 from plugins.tools.solids.making import farthest_from_surface
-from tests.panda import PANDA
+from tests.support.panda import PANDA
 
 CUBE = Box((1, 1, 1))
 

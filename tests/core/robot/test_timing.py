@@ -9,7 +9,7 @@ from core.interfaces import RolloutSettings, Tempo, Waypoints
 from core.robot.kinematics import arm_of
 from core.robot.trajectory import plan_task_motion
 from tasks.bring_cube import BringCube
-from tests.panda import PANDA, on_panda
+from tests.support.panda import PANDA, on_panda
 
 ARM = arm_of(PANDA)
 TASK = on_panda(BringCube())

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from core.geometry import Pose
 from core.interfaces import Waypoints
 from core.robot.trajectory import plan_motion
-from tests.panda import ARM, FINGER_OPEN, PANDA
+from tests.support.panda import ARM, FINGER_OPEN, PANDA
 
 pytestmark = pytest.mark.slow
 

@@ -22,8 +22,8 @@ from plugins.conformance.evaluations import tried_once
 from plugins.vlms.artist import EngineArtist
 from plugins.vlms.second_look import SecondLook
 from tasks.bring_cube import BringCube
-from tests.faults import Faulty
-from tests.panda import on_panda
+from tests.support.faults import Faulty
+from tests.support.panda import on_panda
 
 pytestmark = pytest.mark.slow
 

@@ -15,8 +15,8 @@ from core.search.evolution import evolve
 from core.search.finalists import Race
 from core.trial import TIE
 from plugins.conformance.evaluations import tried_once
-from tests.executors import Inline
-from tests.playing import scripted
+from tests.support.executors import Inline
+from tests.support.playing import scripted
 
 
 def tool(name="rod"):

@@ -7,7 +7,7 @@ from core import Experiment
 from core.errors import UsageError, UserError
 from core.plugins import installed
 from core.support.text import hydra_word
-from tests import toys
+from tests.support import toys
 
 pytestmark = pytest.mark.slow
 

@@ -31,8 +31,8 @@ from core.trial import TIE, Tally, best_first, rewards_by_engine, worst_mean
 from core.values.efforts import Held
 from core.values.margins import Margin
 from plugins.conformance.evaluations import tried_once
-from tests.executors import Inline
-from tests.playing import Named
+from tests.support.executors import Inline
+from tests.support.playing import Named
 
 
 def earn(condition, candidates):

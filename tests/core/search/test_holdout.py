@@ -7,8 +7,8 @@ from core.interfaces import Condition, Fitness, Trial, Waypoints
 from core.search.finalists import try_unseen
 from core.search.trials import Trials
 from plugins.conformance.evaluations import tried_once
-from tests.executors import Inline
-from tests.playing import Named
+from tests.support.executors import Inline
+from tests.support.playing import Named
 
 BEST = tried_once(Candidate(Tool(), Waypoints(np.zeros((1, 6)))), "ok", reward=1.0)
 

@@ -11,7 +11,7 @@ from core.events import INTERRUPTED
 from core.hooks import Events
 from core.plugins import installed
 from core.search.orchestration import run
-from tests import toys
+from tests.support import toys
 
 pytestmark = pytest.mark.slow
 
@@ -20,7 +20,7 @@ EVENTS = [name for name in vars(Events) if not name.startswith("_")]
 MODULE = '''
 from core.hooks import hookimpl
 from core.interfaces import EvolutionStrategy
-from tests import toys
+from tests.support import toys
 
 received = []
 

@@ -16,8 +16,8 @@ from core.search.trials import Trials
 from core.trial import TIE, Making, Trial, Where
 from core.values.materials import PAPER
 from plugins.conformance.evaluations import tried_once
-from tests.executors import Inline
-from tests.playing import Named
+from tests.support.executors import Inline
+from tests.support.playing import Named
 
 PLA = Material("pla", 1240.0)
 

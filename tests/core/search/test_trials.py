@@ -12,10 +12,10 @@ from core.interfaces import Condition, Fitness, RolloutSettings, Score, Trial
 from core.search.trials import Trials, key_of
 from core.values.plans import Waypoints
 from plugins.multitask.joined_plans import TaskPlans
-from tests.executors import Inline
-from tests.faults import Crowded, Faulty
-from tests.faults import candidate as rod
-from tests.playing import Named, condition
+from tests.support.executors import Inline
+from tests.support.faults import Crowded, Faulty
+from tests.support.faults import candidate as rod
+from tests.support.playing import Named, condition
 
 
 def tool(name="rod"):

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.geometry import Box, Capsule, Compound, Cylinder, Mesh, Primitive, Sphere
-from tests.shapes import SAMPLES, bowl, prism, within
+from tests.support.shapes import SAMPLES, bowl, prism, within
 
 ROUND = [Sphere(0.1), Cylinder(0.05, 0.3), Capsule(0.05, 0.3)]
 SHAPES = [

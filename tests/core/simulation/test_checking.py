@@ -6,8 +6,8 @@ import numpy as np
 
 from core.interfaces import RolloutSettings, Waypoints
 from core.simulation.checking import find_problems
-from tests.faults import Faulty, Slide, candidate
-from tests.playing import condition
+from tests.support.faults import Faulty, Slide, candidate
+from tests.support.playing import condition
 
 
 def test_problems_are_found_without_playing():

@@ -13,8 +13,8 @@ from core.scene import Body, Box, Scene
 from core.simulation.crux import _find_last_touch, choose_body, choose_instants
 from core.values.margins import Margin
 from core.values.observations import Crux
-from tests.engines import simulator
-from tests.playing import evaluate_batch
+from tests.support.engines import simulator
+from tests.support.playing import evaluate_batch
 
 GALLERY = Path(__file__).parents[3] / "docs" / "gallery" / "model"
 CUBE = Box((0.02, 0.02, 0.02))

@@ -16,8 +16,8 @@ from core.trial import Figure
 from plugins.results.pages.runs import find_runs
 from plugins.results.report.results import Results
 from plugins.results.report.tables import runs
-from tests.faults import Faulty, Slide, candidate
-from tests.playing import evaluate_batch
+from tests.support.faults import Faulty, Slide, candidate
+from tests.support.playing import evaluate_batch
 
 WORDS = [
     "task=BringCube",

@@ -19,12 +19,12 @@ from core.store.rows import load_trial
 from plugins.conformance.evaluations import tried_once
 from plugins.vlms.context.feedback import describe, elite_feedback
 from tasks.bring_cube import BringCube
-from tests import solutions
-from tests.engines import simulator
-from tests.faults import Faulty, candidate
-from tests.panda import PANDA, on_panda
-from tests.playing import evaluate_batch
-from tests.rare import rare
+from tests.support import solutions
+from tests.support.engines import simulator
+from tests.support.faults import Faulty, candidate
+from tests.support.panda import PANDA, on_panda
+from tests.support.playing import evaluate_batch
+from tests.support.rare import rare
 
 # The names of the strategies say how they fail.
 FAILURES = Path(__file__).parents[2] / "failures"

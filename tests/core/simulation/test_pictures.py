@@ -26,9 +26,9 @@ from core.simulation.pictures import (
 from plugins.actions.anchored import AnchoredActions
 from plugins.conformance.scenery import cube, stick
 from plugins.conformance.worlds import Bodies
-from tests import toys
-from tests.engines import SIMULATORS, mujoco_first, simulator
-from tests.rare import rare
+from tests.support import toys
+from tests.support.engines import SIMULATORS, mujoco_first, simulator
+from tests.support.rare import rare
 
 
 def test_a_png_holds_the_picture_as_it_is():

@@ -16,10 +16,10 @@ from core.simulation.play import play
 from plugins.fitness.perturbation_range import PerturbationRange
 from plugins.fitness.robustness import Perturbation
 from tasks.bring_cube import BringCube
-from tests.engines import simulator
-from tests.faults import Crowded, Faulty, Slide, candidate
-from tests.panda import ARM
-from tests.playing import condition, evaluate_batch
+from tests.support.engines import simulator
+from tests.support.faults import Crowded, Faulty, Slide, candidate
+from tests.support.panda import ARM
+from tests.support.playing import condition, evaluate_batch
 from tests.support.refusing import fits
 
 SETTINGS = RolloutSettings(settle_s=0, hold_s=0)

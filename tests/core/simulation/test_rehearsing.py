@@ -12,8 +12,8 @@ from core.interfaces import RolloutSettings, Waypoints
 from core.scene import Body, Scene
 from core.simulation.checking import find_problems
 from core.simulation.rehearsing import rehearse
-from tests.faults import Faulty, Slide, candidate
-from tests.playing import condition
+from tests.support.faults import Faulty, Slide, candidate
+from tests.support.playing import condition
 
 SETTINGS = RolloutSettings(settle_s=0, hold_s=0)
 GRAY = (0.5, 0.5, 0.5, 1.0)

@@ -12,9 +12,9 @@ from core.design import DesignError
 from core.designs.reading import load_designs, read_designs
 from core.simulation.series import read_series
 from tasks.bring_cube import BringCube
-from tests.engines import every_simulator, simulator
-from tests.panda import on_panda
-from tests.playing import condition
+from tests.support.engines import every_simulator, simulator
+from tests.support.panda import on_panda
+from tests.support.playing import condition
 
 SOLUTIONS = Path(__file__).parents[2] / "tasks" / "solutions"
 

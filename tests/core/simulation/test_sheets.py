@@ -7,8 +7,8 @@ from core.design import Candidate, Component, Tool
 from core.geometry import Box, Pose
 from core.interfaces import RolloutSettings
 from core.plugins import installed
-from tests.engines import simulator
-from tests.playing import evaluate_batch
+from tests.support.engines import simulator
+from tests.support.playing import evaluate_batch
 
 pytestmark = pytest.mark.slow
 

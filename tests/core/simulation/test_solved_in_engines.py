@@ -6,8 +6,8 @@ import pytest
 from core.design import Candidate, Tool
 from core.interfaces import Waypoints
 from core.plugins import installed
-from tests.engines import every_simulator, simulator
-from tests.playing import evaluate_batch
+from tests.support.engines import every_simulator, simulator
+from tests.support.playing import evaluate_batch
 
 SCENE = """
 name: Sled

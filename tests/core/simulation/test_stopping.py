@@ -10,8 +10,8 @@ from core.plugins import installed
 from core.simulation.attempt import prepare
 from core.simulation.stopping import can_stop
 from core.values.plans import Waypoints
-from tests.engines import simulator
-from tests.solutions import literal
+from tests.support.engines import simulator
+from tests.support.solutions import literal
 
 SETTINGS = RolloutSettings(hold_s=3.0, penetration="ignore")
 

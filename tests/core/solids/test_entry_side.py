@@ -16,7 +16,7 @@ from tests.core.solids.test_penetration import (
     recording,
     straight,
 )
-from tests.panda import ARM, PANDA
+from tests.support.panda import ARM, PANDA
 
 HZ = 400.0
 SIDE = 0.05

@@ -26,8 +26,8 @@ from core.robot.trajectory import at_home
 from core.scene import Body, Joint, Scene, State, table
 from core.solids.penetration import Explosion, findings
 from plugins.conformance.releases import hinge, hinged
-from tests.panda import ARM, PANDA
-from tests.playing import evaluate_batch
+from tests.support.panda import ARM, PANDA
+from tests.support.playing import evaluate_batch
 
 HZ = 25.0
 ROD = Tool(

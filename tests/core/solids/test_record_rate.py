@@ -16,7 +16,7 @@ from core.solids.rollout_solids import tool_solids
 from core.solids.tracks import SAMPLE_HZ
 from core.values.joints import Joint
 from tests.core.solids.test_penetration import WALL, body, recording, straight
-from tests.panda import ARM, PANDA
+from tests.support.panda import ARM, PANDA
 
 
 def stick(thick):

@@ -15,9 +15,9 @@ from core.interfaces import JointTrajectory, RolloutSettings
 from core.robot.description import assemble
 from core.robot.solids import Solid, robot_solids, signed_distance, solid_geometry
 from core.solids.self_collision import DEEP_M, DEEP_NEAR_M, find_self_collision
-from tests.faults import Faulty, Slide
-from tests.panda import ARM, FINGER_OPEN, PANDA
-from tests.playing import evaluate_batch
+from tests.support.faults import Faulty, Slide
+from tests.support.panda import ARM, FINGER_OPEN, PANDA
+from tests.support.playing import evaluate_batch
 
 ROD = Tool(
     (

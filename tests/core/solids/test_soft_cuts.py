@@ -12,7 +12,7 @@ from core.scene import Elastic, Filling, Scene, Soft
 from core.solids.penetration import findings
 from tests.core.designs.test_rules import rigid
 from tests.core.solids.test_penetration import recording
-from tests.panda import PANDA
+from tests.support.panda import PANDA
 
 ARM = arm_of(PANDA)
 LENGTH_M = 0.2

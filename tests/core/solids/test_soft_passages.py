@@ -13,7 +13,7 @@ from core.solids.penetration import findings
 from tests.core.designs.test_rules import rigid
 from tests.core.solids.test_penetration import recording
 from tests.core.solids.test_soft_cuts import hanging
-from tests.panda import PANDA
+from tests.support.panda import PANDA
 
 ARM = arm_of(PANDA)
 SOFT = Elastic(900, 1e6)

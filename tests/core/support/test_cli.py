@@ -10,7 +10,7 @@ import pytest
 from core.config.compose import load
 from core.errors import UsageError
 from core.support import cli
-from tests.rare import rare
+from tests.support.rare import rare
 
 
 @pytest.mark.thorough

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from core.support import interrupts
-from tests.processes import PATIENCE_S
+from tests.support.processes import PATIENCE_S
 
 
 @pytest.fixture

@@ -25,8 +25,8 @@ from plugins.results.chosen import stored_evaluations
 from plugins.results.pages.best_tool import best_tool
 from plugins.results.pages.runs import read_run
 from tasks.bring_cube import BringCube
-from tests.panda import on_panda
-from tests.playing import evaluate_batch
+from tests.support.panda import on_panda
+from tests.support.playing import evaluate_batch
 
 ACTIONS = AnchoredActions()
 CUBE = Pose.xyz_rpy((0.6, 0.1, 0.02), (0.0, 0.0, 0.5))

@@ -18,9 +18,9 @@ from core.solids.tracks import SAMPLE_HZ
 from plugins.actions.anchored import AnchoredActions
 from plugins.conformance.scenery import GREY, stick
 from plugins.conformance.worlds import HOME, Bodies, arm
-from tests.engines import every_simulator, simulator
-from tests.faults import Faulty
-from tests.playing import condition, evaluate_batch
+from tests.support.engines import every_simulator, simulator
+from tests.support.faults import Faulty
+from tests.support.playing import condition, evaluate_batch
 
 TOP = 0.1
 BLOCK = Body.of(

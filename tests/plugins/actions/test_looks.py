@@ -19,9 +19,9 @@ from plugins.actions.anchored import AnchoredActions, AnchoredPlan
 from plugins.actions.blocks import Cost
 from plugins.conformance.scenery import GREY, box, stick
 from plugins.conformance.worlds import HOME, Bodies, arm
-from tests.engines import every_simulator, simulator
-from tests.faults import Faulty
-from tests.playing import condition
+from tests.support.engines import every_simulator, simulator
+from tests.support.faults import Faulty
+from tests.support.playing import condition
 
 CUBES = {"cube_1": (0.5, 0.2), "cube_2": (0.55, -0.2)}
 MARK = Body.mark("mark", (0.6, 0.0, 0.0), 0.05, GREY)

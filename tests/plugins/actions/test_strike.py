@@ -9,8 +9,8 @@ from core.interfaces import RolloutSettings, Task
 from core.plugins import installed
 from core.scene import Body, Scene
 from plugins.actions.anchored import AnchoredActions
-from tests.panda import on_panda
-from tests.playing import evaluate_batch
+from tests.support.panda import on_panda
+from tests.support.playing import evaluate_batch
 
 pytestmark = pytest.mark.slow
 

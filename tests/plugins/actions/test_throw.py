@@ -11,8 +11,8 @@ from core.scene import Body, Scene
 from core.simulation.attempt import prepare
 from plugins.actions.anchored import AnchoredActions
 from tasks.assets import open_box
-from tests.panda import on_panda
-from tests.playing import evaluate_batch
+from tests.support.panda import on_panda
+from tests.support.playing import evaluate_batch
 
 pytestmark = pytest.mark.slow
 

@@ -8,8 +8,8 @@ from PIL import Image
 
 from core.errors import UsageError, UserError
 from plugins.commands.evaluate import configured, main, show
-from tests.commands import python_m
 from tests.core.run_folders import write_run
+from tests.support.commands import python_m
 
 SOLUTION = Path(__file__).parents[2] / "tasks" / "solutions" / "BringCube.json"
 ANCHORED = Path(__file__).parents[2] / "tasks" / "anchored"

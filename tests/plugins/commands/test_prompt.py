@@ -12,8 +12,8 @@ from core.errors import UserError
 from core.interfaces import VLM, Picture
 from core.plugins import Offer, installed
 from plugins.commands.prompt import PromptConfig, compose, main
-from tests.commands import python_m
-from tests.rare import rare
+from tests.support.commands import python_m
+from tests.support.rare import rare
 
 pytestmark = pytest.mark.slow
 

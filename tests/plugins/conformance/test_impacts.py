@@ -9,8 +9,8 @@ from core.interfaces import Simulator
 from core.plugins import installed
 from plugins.conformance import impacts
 from plugins.conformance.worlds import Bodies
-from tests.engines import SIMULATORS, simulator
-from tests.panda import PANDA
+from tests.support.engines import SIMULATORS, simulator
+from tests.support.panda import PANDA
 
 pytestmark = pytest.mark.slow
 

@@ -10,7 +10,7 @@ from core.imports.urdf import read_tree
 from core.plugins import installed
 from core.robot.writing import write
 from plugins.conformance.suites import SUITES, examine
-from tests.rare import rare
+from tests.support.rare import rare
 
 pytestmark = pytest.mark.slow
 

@@ -34,8 +34,8 @@ from plugins.conformance import executor
 from plugins.conformance.scenery import GREY
 from plugins.conformance.shared import ready
 from plugins.conformance.suites import SUITES, examine, subject
-from tests.panda import on_panda
-from tests.rare import mostly
+from tests.support.panda import on_panda
+from tests.support.rare import mostly
 
 pytestmark = pytest.mark.slow
 

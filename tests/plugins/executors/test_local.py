@@ -12,7 +12,7 @@ from core.errors import Fault, UserError
 from core.interfaces import CHUNK
 from core.plugins import installed
 from core.support.scratch import scratch
-from tests.processes import all_gone, living
+from tests.support.processes import all_gone, living
 
 pytestmark = pytest.mark.slow
 

@@ -19,8 +19,8 @@ from core.simulation.play import play
 from plugins.fitness.nominal import Nominal
 from tests.benchmarks.measuring import designs
 from tests.plugins.executors.test_local import double, misfortune
-from tests.processes import all_gone, family
-from tests.rare import rare
+from tests.support.processes import all_gone, family
+from tests.support.rare import rare
 
 pytestmark = pytest.mark.slow
 

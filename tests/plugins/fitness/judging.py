@@ -5,7 +5,7 @@ from __future__ import annotations
 from core.design import Candidate
 from core.interfaces import Evaluation, Fitness
 from core.search.trials import Trials
-from tests.executors import Inline
+from tests.support.executors import Inline
 
 
 def judged(

@@ -11,7 +11,7 @@ from core.interfaces import Condition, Score, Trial, Waypoints
 from plugins.fitness.nominal import Nominal
 from plugins.fitness.perturbation_range import PerturbationRange
 from plugins.fitness.robustness import Perturbation
-from tests.playing import Named
+from tests.support.playing import Named
 
 
 def test_nominal_is_the_default_and_its_score_is_the_reward_of_its_only_trial():

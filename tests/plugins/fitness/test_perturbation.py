@@ -19,7 +19,7 @@ from core.scene import Body, Geom, Joint, Scene, table
 from plugins.fitness.perturbation_range import PerturbationRange
 from plugins.fitness.robustness import Perturbation
 from plugins.fitness.scattering import CONTACT_M, perturb, together
-from tests.panda import ARM, FINGER_OPEN
+from tests.support.panda import ARM, FINGER_OPEN
 
 pytestmark = pytest.mark.slow
 

@@ -24,9 +24,9 @@ from plugins.actions.anchored import AnchoredActions
 from plugins.conformance.evaluations import tried_once
 from plugins.listeners.rerun.blueprint import MAX_TEXT
 from plugins.listeners.rerun.writer import replay
-from tests import solutions
-from tests.panda import ARM
-from tests.playing import evaluate_batch
+from tests.support import solutions
+from tests.support.panda import ARM
+from tests.support.playing import evaluate_batch
 
 pytestmark = pytest.mark.slow
 

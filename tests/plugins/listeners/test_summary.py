@@ -22,8 +22,8 @@ from plugins.commands import evaluate
 from plugins.conformance.evaluations import tried_once
 from plugins.new.new_command import write_scene
 from tests.core.run_folders import hook
-from tests.outside_arm import write_arm
-from tests.rare import rare
+from tests.support.outside_arm import write_arm
+from tests.support.rare import rare
 
 TESTS = Path(__file__).parents[2]
 

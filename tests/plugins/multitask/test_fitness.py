@@ -6,7 +6,7 @@ import pytest
 from core.config.compose import load
 from core.errors import UsageError
 from plugins.commands.evaluate import evaluate
-from tests.solutions import TASKS as SOLVED
+from tests.support.solutions import TASKS as SOLVED
 
 TASKS = "task=multitask", "task.of=[BringCube,ElevatePlate]"
 

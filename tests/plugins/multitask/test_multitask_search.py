@@ -14,8 +14,8 @@ from plugins.commands.prompt import PromptConfig, main, requests
 from plugins.results.transfer import configured as transfer_settings
 from plugins.results.transfer import transfer
 from plugins.results.workshop.export_command import configured, export
-from tests import toys
-from tests.rare import rare
+from tests.support import toys
+from tests.support.rare import rare
 from tests.test_resume import assert_same_run, toy  # noqa: F401  # a fixture
 
 pytestmark = pytest.mark.slow

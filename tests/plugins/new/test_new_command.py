@@ -8,7 +8,7 @@ import pytest
 from core.errors import UsageError, UserError
 from plugins.conformance.suites import SUITES
 from plugins.new import new_command as new
-from tests.packages import PYTHON, install
+from tests.support.packages import PYTHON, install
 
 PARTS = {
     "task": "PullBlock",

@@ -13,7 +13,7 @@ from core.designs.reading import read_designs
 from core.designs.replies import parse_reply
 from core.plugins import installed
 from plugins.actions.waypoints import WaypointActions
-from tests.hostile import bring_cube
+from tests.support.hostile import bring_cube
 
 RAW = (
     '<link name="rod"><collision><geometry><box size="0.02 0.02 0.1"/></geometry></collision></link>'

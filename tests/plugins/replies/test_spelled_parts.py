@@ -12,7 +12,7 @@ from core.design import DesignError
 from core.designs.reading import read_designs
 from core.designs.replies import parse_reply
 from core.plugins import installed
-from tests.hostile import bring_cube
+from tests.support.hostile import bring_cube
 
 TURN = 1.5707963267948966
 BOX = {

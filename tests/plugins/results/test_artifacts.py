@@ -10,8 +10,8 @@ from core.interfaces import Task, Waypoints
 from core.robot.kinematics import arm_of
 from core.robot.trajectory import plan_motion
 from plugins.results.artifacts import copied, save_files, tool_mesh
-from tests.panda import FINGER_OPEN, PANDA
-from tests.shapes import bowl
+from tests.support.panda import FINGER_OPEN, PANDA
+from tests.support.shapes import bowl
 
 FLAP = ToolJoint("hinge", (1, 0, 0), -1, 1)
 

@@ -15,8 +15,8 @@ from core.search.run_settings import stored_config
 from plugins.results.chosen import stored_evaluations
 from plugins.results.transfer import TransferConfig, configured, transfer
 from plugins.robots.arms import panda
-from tests import toys
-from tests.commands import python_m
+from tests.support import toys
+from tests.support.commands import python_m
 
 pytestmark = pytest.mark.slow
 

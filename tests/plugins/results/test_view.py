@@ -13,7 +13,7 @@ import pytest
 import rerun as rr
 
 from plugins.results.view import free_port, listens, recordings
-from tests.commands import python_m
+from tests.support.commands import python_m
 
 
 @pytest.fixture(scope="module")

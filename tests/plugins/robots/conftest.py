@@ -7,8 +7,8 @@ from core.support.cli import expand, say
 from plugins.commands.import_file import ImportConfig
 from plugins.robots import hulls, mjcf
 from plugins.robots.import_arm import take_arm
-from tests.outside_arm import write_arm
 from tests.plugins.tasks.file.imports.conftest import called
+from tests.support.outside_arm import write_arm
 
 
 @pytest.fixture

@@ -17,8 +17,8 @@ from core.robot.kinematics import arm_of, link_frames
 from core.robot.solids import robot_solids
 from core.robot.writing import write
 from plugins.robots.own_arm import read_robot
-from tests.outside_arm import FLANGE, HOME
 from tests.plugins.robots.conftest import take
+from tests.support.outside_arm import FLANGE, HOME
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 

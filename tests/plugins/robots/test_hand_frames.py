@@ -12,8 +12,8 @@ from plugins.robots.arm_settings import GripperOptions
 from plugins.robots.arms import panda
 from plugins.robots.example_robots import robots_folder
 from plugins.robots.own_arm import read_robot
-from tests.outside_arm import FLANGE, HOME
 from tests.plugins.robots.conftest import take
+from tests.support.outside_arm import FLANGE, HOME
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 HAND = GripperOptions("palm", ("slide_a", "slide_b"))

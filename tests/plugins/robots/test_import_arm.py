@@ -7,8 +7,8 @@ from core.errors import UsageError, UserError
 from core.robot.kinematics import arm_of
 from plugins.robots.example_robots import robots_folder
 from plugins.robots.own_arm import read_robot
-from tests.outside_arm import FLANGE, HOME
 from tests.plugins.robots.conftest import take
+from tests.support.outside_arm import FLANGE, HOME
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 

@@ -18,7 +18,7 @@ from core.robot.solids import robot_solids
 from core.values.robots import ISO_9409_1_50, Robot
 from plugins.robots.arm_settings import BoltOptions, GripperOptions
 from plugins.robots.own_arm import read_robot
-from tests.outside_arm import FLANGE, HOME, LIMIT
+from tests.support.outside_arm import FLANGE, HOME, LIMIT
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 

@@ -8,7 +8,7 @@ from core.plugins import PluginPart, installed
 from core.robot.kinematics import arm_of
 from plugins.conformance.suites import SUITES
 from plugins.robots.arms import measured
-from tests.rare import rare
+from tests.support.rare import rare
 
 # The home of most tasks, and where the base has to stand for it.
 HOME = Pose.xyz_rpy((0.5, 0.0, 0.5))

@@ -20,8 +20,8 @@ from plugins.conformance.robots import (
     hold,
 )
 from plugins.robots.own_arm import read_robot
-from tests import scara
-from tests.engines import every_simulator, simulator
+from tests.support import scara
+from tests.support.engines import every_simulator, simulator
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 GRAVITY = 9.81

@@ -10,9 +10,9 @@ from core.errors import UserError
 from core.plugins import installed
 from plugins.commands import evaluate, render
 from plugins.conformance.suites import SUITES
-from tests.outside_arm import FLANGE, HOME, write_arm
 from tests.plugins.robots.test_own_arm import gripped
-from tests.rare import rare
+from tests.support.outside_arm import FLANGE, HOME, write_arm
+from tests.support.rare import rare
 
 ROOT = Path(__file__).parents[3]
 GRIPPER = "robot.gripper={link:hand_base,joints:[left,right],force_n:30}"

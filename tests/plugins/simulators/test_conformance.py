@@ -12,7 +12,7 @@ from plugins.conformance import bonds, free_bodies, softs
 from plugins.conformance.output import digest
 from plugins.conformance.shared import LeftOut
 from plugins.conformance.suites import SUITES
-from tests.engines import every_simulator, mujoco_first, simulator
+from tests.support.engines import every_simulator, mujoco_first, simulator
 
 pytestmark = pytest.mark.slow
 

@@ -33,8 +33,8 @@ pytest.importorskip("mujoco")
 
 from plugins.simulators.mujoco.renderer import MuJoCoRenderer
 from plugins.simulators.rendering import joint_positions
-from tests.packages import without
-from tests.panda import FINGER_OPEN
+from tests.support.packages import without
+from tests.support.panda import FINGER_OPEN
 
 
 def mujoco(**settings):

@@ -21,7 +21,7 @@ import mujoco as mj
 
 from plugins.simulators.mujoco.bodies import Moving
 from plugins.simulators.mujoco.model import compile_model
-from tests.panda import PANDA
+from tests.support.panda import PANDA
 
 JOB = Rollout(BARE, still(), settle_s=0.3, hold_s=0.5, record_hz=50.0)
 SLAB = Body.of(

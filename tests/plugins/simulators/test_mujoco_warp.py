@@ -19,15 +19,15 @@ from plugins.conformance import free_bodies, joints, output, robot, shapes
 from plugins.conformance.output import bits
 from plugins.conformance.scenery import GREY, cube, stick
 from plugins.conformance.worlds import BARE, Bodies, end, film, motion, start, still
-from tests.playing import evaluate_batch
+from tests.support.playing import evaluate_batch
 
 pytest.importorskip("mujoco_warp")
 
 import warp
 
 from plugins.simulators.mujoco.batched import simulator
-from tests.commands import python_m
-from tests.panda import FINGER_OPEN
+from tests.support.commands import python_m
+from tests.support.panda import FINGER_OPEN
 
 ROOT = Path(__file__).parents[3]
 CHECKS = (

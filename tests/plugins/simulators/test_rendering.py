@@ -11,8 +11,8 @@ from core.scene import Camera, floor, table
 from plugins.conformance.scenery import cube
 from plugins.conformance.worlds import HOME, Bodies
 from plugins.simulators.rendering import DrawingSimulator, Renderer
-from tests.engines import simulator
-from tests.panda import ARM, FINGER_OPEN, PANDA
+from tests.support.engines import simulator
+from tests.support.panda import ARM, FINGER_OPEN, PANDA
 
 HAND = Tool(gripper=True)  # without attachments
 TASK = Bodies(table(), cube(at=(0.6, 0.0, 0.05)))

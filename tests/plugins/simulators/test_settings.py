@@ -13,9 +13,9 @@ from core.plugins import installed
 from core.scene import Body, floor, table
 from plugins.conformance.scenery import GREY, cube, stick
 from plugins.conformance.worlds import BARE, HAND, Bodies, end, film, move, still, wait
-from tests.engines import every_simulator, simulator
-from tests.packages import without
-from tests.panda import FINGER_OPEN
+from tests.support.engines import every_simulator, simulator
+from tests.support.packages import without
+from tests.support.panda import FINGER_OPEN
 
 SMALL = [
     "budget.n_agent=1",

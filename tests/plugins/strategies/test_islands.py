@@ -11,7 +11,7 @@ from core.interfaces import Budget
 from core.plugins import installed
 from core.search.orchestration import resume, run
 from plugins.conformance.evaluations import tried_once
-from tests import toys
+from tests.support import toys
 from tests.test_resume import assert_same_run, rows, toy  # noqa: F401 - a fixture
 
 BUDGET = Budget(4, 1, 1, 9, 2, 0.0, k_least=0)

@@ -13,8 +13,8 @@ from core.plugins import installed
 from core.search.orchestration import resume, run
 from core.trial import best_first
 from plugins.conformance.evaluations import tried_once
-from tests import toys
 from tests.core.run_folders import hook
+from tests.support import toys
 from tests.test_resume import assert_same_run, toy  # noqa: F401 - a fixture
 
 BUDGET = Budget(2, 4, 1, 3, 3, 0.0, k_least=0)

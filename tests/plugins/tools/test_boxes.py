@@ -10,8 +10,8 @@ from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, DesignError, Too
 from core.designs.rules import check_tool
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Sphere
 from plugins.tools.boxes import BoxTools
-from tests.panda import PANDA, on_panda
-from tests.shapes import SAMPLES
+from tests.support.panda import PANDA, on_panda
+from tests.support.shapes import SAMPLES
 
 TOOLS = on_panda(BoxTools())
 

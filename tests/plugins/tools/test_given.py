@@ -16,8 +16,8 @@ from plugins.actions.waypoints import WaypointActions
 from plugins.tools.given import _RLBENCH, _RLBENCH_TASKS
 from tasks.bring_cube import BringCube
 from tasks.one_book import OneBook
-from tests.panda import on_panda
-from tests.solutions import FILES, anchored
+from tests.support.panda import on_panda
+from tests.support.solutions import FILES, anchored
 
 NONE, RLBENCH = (installed().create("tool", name) for name in ("none", "rlbench"))
 

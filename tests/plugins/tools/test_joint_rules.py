@@ -12,9 +12,9 @@ from core.geometry import Box, Pose
 from core.values.materials import PAPER, Material
 from plugins.conformance.releases import hinged, sliding
 from plugins.tools.joint_rules import check_joints
-from tests.panda import PANDA, on_panda
+from tests.support.panda import PANDA, on_panda
 from tests.support.scenes import CubeOnTable
-from tests.tongs import tongs
+from tests.support.tongs import tongs
 
 
 def hinge(**given):

@@ -11,7 +11,7 @@ from core.design import DesignError, ToolJoint
 from core.plugins import installed
 from plugins.conformance.releases import hinge, hinged, sliding
 from tests.plugins.tools.test_urdf import instructions_of
-from tests.tongs import tongs
+from tests.support.tongs import tongs
 
 NUMBERS = ("lower", "upper", "damping", "friction", "stiffness", "rest")
 SPRUNG = ToolJoint(

@@ -7,7 +7,7 @@ from core.geometry import Box, Pose
 from plugins.conformance.shared import LengthOnly, brief
 from plugins.tools.mounting import describe_mount, first_box
 from tasks.one_book import OneBook
-from tests.panda import PANDA, on_panda
+from tests.support.panda import PANDA, on_panda
 
 
 @pytest.mark.parametrize("gripper", [False, True])

@@ -14,9 +14,9 @@ from core.geometry import Box, Capsule, Compound, Cylinder, Mesh, Pose, Sphere
 from plugins.tools.solids.making import MAX_PARTS
 from plugins.tools.solids.representation import SolidTools
 from plugins.tools.solids.tree_reading import MAX_NODES
-from tests.panda import PANDA, on_panda
-from tests.shapes import SAMPLES, within
+from tests.support.panda import PANDA, on_panda
 from tests.support.refusing import refused
+from tests.support.shapes import SAMPLES, within
 
 pytestmark = pytest.mark.slow
 

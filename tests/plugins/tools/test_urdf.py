@@ -18,7 +18,7 @@ from plugins.tools.components import robot_names
 from plugins.tools.urdf.building import DEFAULT_COLOR
 from plugins.tools.urdf.representation import UrdfTools
 from tasks.one_book import OneBook
-from tests.panda import PANDA, on_panda
+from tests.support.panda import PANDA, on_panda
 
 URDF = on_panda(UrdfTools())
 # Hypothesis also tries the literals that it finds in the code, and so the names of the robot's own links.

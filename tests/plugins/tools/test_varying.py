@@ -13,7 +13,7 @@ from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.interfaces import Numbers, Waypoints
 from core.plugins import installed
 from plugins.tools.varying import tool_change, tool_numbers, vary_tool
-from tests.panda import PANDA
+from tests.support.panda import PANDA
 
 ROOT = Path(__file__).parents[2] / "tasks"
 SHAPES = (

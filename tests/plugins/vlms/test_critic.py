@@ -32,7 +32,7 @@ from tests.core.search.test_designer import (
     designer,
     good,
 )
-from tests.panda import on_panda
+from tests.support.panda import on_panda
 
 BUDGET = Budget(2, 1, 1, 3, 5, 0.6)
 

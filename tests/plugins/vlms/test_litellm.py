@@ -22,7 +22,6 @@ from plugins.vlms import LITELLM
 from plugins.vlms.litellm import failures
 from plugins.vlms.litellm.language_model import LanguageModel
 from plugins.vlms.litellm.prices import estimate
-from tests.commands import python_m
 from tests.plugins.vlms.asking import (
     KEYS,
     PAID,
@@ -43,7 +42,8 @@ from tests.plugins.vlms.servers import (
     request,
     serving,
 )
-from tests.rare import rare
+from tests.support.commands import python_m
+from tests.support.rare import rare
 
 ROOT = Path(__file__).parents[3]
 

@@ -14,10 +14,10 @@ import pytest
 from core.config.compose import load
 from core.errors import UserError
 from core.search.orchestration import resume, run
-from tests.commands import warm_python
 from tests.plugins.vlms.asking import KEYS
 from tests.plugins.vlms.servers import Reset, Say, Send, document, serving
-from tests.rare import rare
+from tests.support.commands import warm_python
+from tests.support.rare import rare
 
 ROOT = Path(__file__).parents[3]
 SOLUTION = json.loads((ROOT / "tests/tasks/solutions/BringCube.json").read_text())[

@@ -9,7 +9,7 @@ import pytest
 
 from tests.plugins.vlms.asking import KEYS, PROTOCOLS, ask, in_turn
 from tests.plugins.vlms.servers import Call, Say, Send, Stall, document, serving
-from tests.rare import rare
+from tests.support.rare import rare
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("planted", "warm")]
 

@@ -11,7 +11,7 @@ from core.scene import Trace
 from core.simulation.attempt import prepare
 from core.solids.contacts import find_contacts, make_trace
 from tasks.hardtoolbench.sweep_cards import BY_S, CARDS, PRESS_N, SweepCards
-from tests.engines import every_simulator, simulator
+from tests.support.engines import every_simulator, simulator
 
 TASK = SweepCards(variation="wide")
 SCENE = TASK.scene(3)

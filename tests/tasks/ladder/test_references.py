@@ -8,7 +8,7 @@ from core.search.saved_designs import build_fitness
 from core.simulation.play import play
 from core.values.efforts import HOLDS
 from tasks.ladder.task import FAMILIES
-from tests.rare import rare
+from tests.support.rare import rare
 
 
 def try_designs(family, level, layouts, engine="mujoco"):

@@ -19,10 +19,10 @@ from core.plugins import installed
 from plugins.fitness.layouts import UNSEEN
 from plugins.vlms.offline.answer import answer
 from plugins.vlms.offline.search import NothingSuits
-from tests.engines import simulator
-from tests.playing import evaluate_batch
-from tests.rare import rare
-from tests.solutions import representation
+from tests.support.engines import simulator
+from tests.support.playing import evaluate_batch
+from tests.support.rare import rare
+from tests.support.solutions import representation
 
 pytestmark = pytest.mark.slow
 

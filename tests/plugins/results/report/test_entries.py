@@ -19,7 +19,7 @@ from plugins.results.report.own_entries import find_entries
 from plugins.results.report.protocols import fixed_settings, protocol
 from plugins.results.report.report_command import main
 from tests.core.run_folders import write_run
-from tests.rare import rare
+from tests.support.rare import rare
 
 ROOT = Path(__file__).parents[4]
 TASKS = protocol("varied").tracks["varied"]

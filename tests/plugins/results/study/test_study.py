@@ -31,7 +31,7 @@ from plugins.results.study.study_files import (
 from tests.core.run_folders import write_run
 from tests.plugins.results.report.test_tables import read_csv
 from tests.plugins.vlms.servers import Say, serving
-from tests.processes import family, wait_until
+from tests.support.processes import family, wait_until
 
 SOLUTIONS = Path(__file__).parents[3] / "tasks" / "solutions"
 SMALL = {

@@ -31,9 +31,9 @@ from plugins.results.workshop.export_command import configured
 from plugins.results.workshop.policy import Limits, Policy, Stopped
 from plugins.results.workshop.texts import write_plan_programs
 from plugins.robots.arms import panda, ur10
-from tests.playing import Made
 from tests.plugins.actions.test_guards import ABOVE, DOWN, TOOL, TOP, UP, Block
 from tests.plugins.actions.test_looks import CUBES, HIGH, LOOK, OVER, Cubes
+from tests.support.playing import Made
 
 PAYLOAD = {
     "mass_kg": 0.1,

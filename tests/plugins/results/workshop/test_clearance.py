@@ -8,7 +8,7 @@ from core.plugins import installed
 from core.robot.kinematics import arm_of
 from plugins.results.workshop.clearance import NEAR_M, clearance, payload, torques
 from plugins.results.workshop.motion import Sampled
-from tests.panda import PANDA
+from tests.support.panda import PANDA
 
 HOME = np.array(PANDA.home)
 

@@ -23,7 +23,7 @@ from plugins.results.workshop.export_folder import checklist
 from plugins.results.workshop.playback import compare_rewards
 from plugins.results.workshop.ways import close_ways
 from tests.core.run_folders import write_run
-from tests.panda import PANDA
+from tests.support.panda import PANDA
 
 pytestmark = pytest.mark.slow
 

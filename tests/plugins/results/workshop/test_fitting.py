@@ -13,7 +13,7 @@ from core.values.printers import Printer
 from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.solid import manifold
 from plugins.results.workshop.tool import make_tool
-from tests.panda import PANDA
+from tests.support.panda import PANDA
 
 WIDE = Printer(plate_mm=[500.0, 500.0, 500.0])
 

@@ -29,10 +29,6 @@ from plugins.results.workshop.motion import sample, to_csv
 from plugins.results.workshop.replay import play_motion
 from plugins.robots.enlarging import enlarge
 from plugins.robots.own_arm import read_robot
-from tests import scara
-from tests.outside_arm import FLANGE, HOME, write_arm
-from tests.panda import PANDA
-from tests.playing import condition
 from tests.plugins.actions.test_guards import ABOVE, DOWN, UP, Block
 from tests.plugins.actions.test_looks import HIGH, LOOK, OVER, Cubes
 from tests.plugins.results.workshop import test_carrying as carrying
@@ -42,6 +38,10 @@ from tests.plugins.results.workshop.test_carrying import (
     cubes,
     exported,
 )
+from tests.support import scara
+from tests.support.outside_arm import FLANGE, HOME, write_arm
+from tests.support.panda import PANDA
+from tests.support.playing import condition
 
 pytestmark = pytest.mark.slow
 

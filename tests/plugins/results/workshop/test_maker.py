@@ -17,7 +17,7 @@ from core.values.printers import MK4
 from plugins.results.chosen import chosen_evaluations
 from plugins.results.workshop.export_command import configured, export
 from plugins.results.workshop.maker import judge_design, judge_tool
-from tests.panda import PANDA
+from tests.support.panda import PANDA
 
 PLA = node(load("evaluate", []).material, Material)
 

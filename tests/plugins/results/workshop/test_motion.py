@@ -16,8 +16,8 @@ from plugins.results.workshop.motion import (
     sample,
     to_csv,
 )
-from tests.panda import PANDA
-from tests.solutions import literal
+from tests.support.panda import PANDA
+from tests.support.solutions import literal
 
 pytestmark = pytest.mark.slow
 

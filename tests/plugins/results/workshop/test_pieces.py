@@ -20,7 +20,7 @@ from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.solid import joined_solids, manifold, to_mesh, union
 from plugins.results.workshop.strength import strength
 from plugins.results.workshop.tool import make_tool
-from tests.panda import PANDA
+from tests.support.panda import PANDA
 
 PLA = Material("pla", 1240.0, infill=0.2, wall_mm=1.2, young_pa=2.3e9, strength_pa=26e6)
 MINI = Printer((180.0, 180.0, 180.0))

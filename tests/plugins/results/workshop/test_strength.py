@@ -15,7 +15,7 @@ from core.values.materials import Material
 from plugins.results.workshop.loads import Instant, Load, contact_loads, weights
 from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.strength import strength
-from tests.panda import PANDA
+from tests.support.panda import PANDA
 
 SOLID = Material("solid", 1240, young_pa=2.5e9, strength_pa=26e6)
 NEWTONS = 10.0

@@ -16,9 +16,9 @@ from plugins.results.workshop.solid import (
     union,
 )
 from plugins.results.workshop.tool import make_tool, write_tool
-from tests.panda import PANDA
-from tests.shapes import bowl, prism
-from tests.tongs import tongs
+from tests.support.panda import PANDA
+from tests.support.shapes import bowl, prism
+from tests.support.tongs import tongs
 
 PLA = Material("pla", 1240.0, infill=0.2, wall_mm=1.2)
 

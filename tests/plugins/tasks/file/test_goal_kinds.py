@@ -11,7 +11,6 @@ import pytest
 import yaml
 
 from core.goals import KINDS, Limit, Reach
-from tests.engines import SIMULATORS
 from tests.plugins.tasks.file.test_lanes import (
     GOAL,
     LANES,
@@ -21,6 +20,7 @@ from tests.plugins.tasks.file.test_lanes import (
     play,
     read,
 )
+from tests.support.engines import SIMULATORS
 
 HERE = Path(__file__).parent
 SAID = {

@@ -5,7 +5,7 @@ import pytest
 from core.solids.hindrances import find_hindrances
 from plugins.conformance.suites import examine
 from plugins.tasks.file.task import FileTask
-from tests.panda import on_panda
+from tests.support.panda import on_panda
 
 SLIDE = "  - {name: slide, kind: slider, body: lid, parent: chest, axis: [0, 1, 0], lower: 0, upper: 0.25}\n"
 CHEST = """

@@ -29,11 +29,11 @@ from core.solids.contacts import find_contacts, make_trace
 from core.solids.record_rate import MAX_HZ
 from plugins.tasks.file.spec import json_schema
 from plugins.tasks.file.task import FileTask
-from tests.engines import SIMULATORS, every_simulator, simulator
-from tests.faults import candidate
-from tests.panda import on_panda
-from tests.playing import evaluate_batch
-from tests.shapes import SAMPLES
+from tests.support.engines import SIMULATORS, every_simulator, simulator
+from tests.support.faults import candidate
+from tests.support.panda import on_panda
+from tests.support.playing import evaluate_batch
+from tests.support.shapes import SAMPLES
 
 LANES = Path(__file__).parent / "lanes.yaml"
 BONDS = Path(__file__).parent / "bonds.yaml"

@@ -9,9 +9,9 @@ from core.designs.reading import load_designs, read_designs
 from core.interfaces import RolloutSettings
 from core.plugins import installed
 from plugins.results.artifacts import save_design
-from tests.engines import simulator
-from tests.panda import on_panda
-from tests.playing import evaluate_batch
+from tests.support.engines import simulator
+from tests.support.panda import on_panda
+from tests.support.playing import evaluate_batch
 
 HERE = Path(__file__).parent
 

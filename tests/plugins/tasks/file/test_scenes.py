@@ -16,9 +16,9 @@ from core.scene import Camera
 from core.solids.penetration import findings
 from plugins.tasks.file.scene_warnings import find_unseen, find_warnings
 from plugins.tasks.file.task import FileTask
-from tests.engines import every_simulator, simulator
-from tests.panda import on_panda
-from tests.playing import evaluate_batch
+from tests.support.engines import every_simulator, simulator
+from tests.support.panda import on_panda
+from tests.support.playing import evaluate_batch
 
 SCENES = sorted((Path(__file__).parent / "scenes").glob("*.yaml"))
 BESIDE = [(0, 0, 0.15), (0, 0.3, 0), (0, -0.3, 0), (-0.2, 0, 0)]  # m

@@ -29,9 +29,9 @@ from plugins.tasks.file.task import FileTask
 from plugins.tasks.file.tree import Tree
 from plugins.vlms.context.bodies_table import bodies_table
 from plugins.vlms.context.excerpts import helpers, task_source
-from tests.engines import every_simulator, simulator
-from tests.panda import on_panda
 from tests.plugins.tasks.file.test_mistakes import GOOD, HERE
+from tests.support.engines import every_simulator, simulator
+from tests.support.panda import on_panda
 
 ROOT = Path(__file__).parents[4]
 SCENES = ROOT / "tasks/scenes"

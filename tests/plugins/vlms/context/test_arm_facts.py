@@ -6,7 +6,7 @@ from core.geometry import Pose
 from core.interfaces import RolloutSettings, Task
 from core.plugins import installed
 from plugins.vlms.context.arm_facts import describe_arm, segments
-from tests.panda import ARM, PANDA
+from tests.support.panda import ARM, PANDA
 
 pytestmark = pytest.mark.slow
 

@@ -7,8 +7,8 @@ from core.plugins import installed
 from core.scene import Body
 from plugins.new.new_command import write_scene
 from plugins.vlms.context.excerpts import class_source, helpers, task_source
-from tests.faults import Slide
 from tests.plugins.tasks.file.test_task import task_of
+from tests.support.faults import Slide
 
 
 def test_a_class_keeps_its_docstring_and_its_fields():

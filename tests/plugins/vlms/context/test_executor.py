@@ -11,7 +11,7 @@ from core.geometry import Pose
 from core.interfaces import RolloutSettings, Waypoints
 from core.robot.timing import Leg, time_leg
 from core.robot.trajectory import plan_motion
-from tests.panda import ARM
+from tests.support.panda import ARM
 
 HOME = Pose.xyz_rpy((0.5, 0.0, 0.5))
 NEAR = (0.50, 0.02, 0.48, 0.0, 0.0, 0.0, 0.0)  # in the time of a segment

@@ -4,7 +4,7 @@ import pytest
 
 from core.plugins import installed
 from plugins.vlms.context.facts import sheet
-from tests.panda import PANDA
+from tests.support.panda import PANDA
 from tests.test_commands import call
 
 

@@ -17,7 +17,7 @@ from plugins.commands.prompt import PromptConfig, compose
 from plugins.vlms.context.arm_facts import describe_arm
 from plugins.vlms.context.bodies_table import bodies_table
 from plugins.vlms.offline.designer import OfflineDesigner
-from tests.rare import rare
+from tests.support.rare import rare
 
 pytestmark = pytest.mark.slow
 

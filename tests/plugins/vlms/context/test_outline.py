@@ -12,7 +12,7 @@ from core.plugins import installed
 from core.robot.description import assemble
 from plugins.vlms.context.outline import shorten_urdf
 from tasks.clean_table import CleanTable
-from tests.panda import PANDA, on_panda
+from tests.support.panda import PANDA, on_panda
 
 UR5 = installed().create("robot", "ur5")
 BROOM = installed().create("tool", "rlbench").given(on_panda(CleanTable()))

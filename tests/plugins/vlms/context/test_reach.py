@@ -11,7 +11,7 @@ from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.robot.trajectory import plan_motion
 from plugins.vlms.context.reach import PITCHES, compute_reach, span_at, turns_at
-from tests.panda import ARM, PANDA
+from tests.support.panda import ARM, PANDA
 
 HOME = Pose.xyz_rpy((0.5, 0.0, 0.5))
 

@@ -20,7 +20,7 @@ from plugins.vlms.context.calibrated_views import (
     parallel_camera,
 )
 from plugins.vlms.context.nearness import nearness
-from tests.engines import simulator
+from tests.support.engines import simulator
 
 pytestmark = pytest.mark.slow
 

@@ -25,9 +25,9 @@ from plugins.vlms.offline.search import NothingSuits
 from plugins.vlms.offline.vary import cross, mutate, mutate_mount
 from plugins.vlms.offline.wants import list_unheeded
 from plugins.vlms.offline.ways import WAYS
-from tests.panda import on_panda
 from tests.plugins.vlms.offline.test_ways import CUBE, NEARER, TURNED
 from tests.plugins.vlms.offline.trying import make_brief, read_task
+from tests.support.panda import on_panda
 
 BALL = """
   - {name: other, sphere: 0.03, position: [0.6, 0.3, 0.03], mass: 0.2}

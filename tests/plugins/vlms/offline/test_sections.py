@@ -19,8 +19,8 @@ from plugins.vlms.offline.sections import (
     find_thickness,
     measure_leverage,
 )
-from tests.panda import on_panda
 from tests.plugins.vlms.offline.trying import make_brief
+from tests.support.panda import on_panda
 
 PLA = Material("pla", 1240, 0.2, 1.2, 0.5, 2.5e9, 26e6)
 LENGTH = 0.4

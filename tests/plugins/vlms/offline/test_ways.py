@@ -15,8 +15,8 @@ from plugins.vlms.offline.options import list_options
 from plugins.vlms.offline.recipe import Mount, Recipe
 from plugins.vlms.offline.search import Search
 from plugins.vlms.offline.ways import WAYS
-from tests.panda import on_panda
 from tests.plugins.vlms.offline.trying import earn, list_ways, make_brief, read_task
+from tests.support.panda import on_panda
 
 CUBE = """
   - {name: cube, box: [0.06, 0.06, 0.06], position: [0.6, 0, 0.03], mass: 0.2}

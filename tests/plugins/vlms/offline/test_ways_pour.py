@@ -3,8 +3,8 @@
 import pytest
 
 from tasks.turkey_legs import TurkeyLegs
-from tests.panda import on_panda
 from tests.plugins.vlms.offline.trying import earn, list_ways, make_brief, read_task
+from tests.support.panda import on_panda
 
 pytestmark = pytest.mark.slow
 

@@ -9,8 +9,8 @@ from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.joints import list_spots
 from plugins.vlms.offline.layout import Layout
 from plugins.vlms.offline.wants import list_alternatives
-from tests.panda import on_panda
 from tests.plugins.vlms.offline.trying import earn, list_ways, make_brief, read_task
+from tests.support.panda import on_panda
 
 pytestmark = pytest.mark.slow
 

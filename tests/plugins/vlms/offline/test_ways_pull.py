@@ -4,8 +4,8 @@ import pytest
 
 from plugins.tasks.file.task import FileTask
 from tasks.hardtoolbench.open_latch import OpenLatch
-from tests.panda import on_panda
 from tests.plugins.vlms.offline.trying import earn, list_ways, make_brief
+from tests.support.panda import on_panda
 
 pytestmark = pytest.mark.slow
 

@@ -13,8 +13,8 @@ from plugins.actions.waypoints import WaypointActions
 from plugins.tasks.file.task import FileTask
 from plugins.vlms.offline.search import NothingSuits, Search
 from plugins.vlms.offline.writing import write_design
-from tests.panda import on_panda
-from tests.playing import evaluate_batch
+from tests.support.panda import on_panda
+from tests.support.playing import evaluate_batch
 
 
 def read_task(folder: Path, bodies: str, goals: str) -> Task:

@@ -17,8 +17,8 @@ from plugins.tasks.file.bench.scene_command import main
 from plugins.tasks.file.bench.scene_replies import Sighting, read_reply
 from plugins.tasks.file.bench.views import Landmarks, View
 from plugins.tasks.file.task import FileTask
-from tests.panda import on_panda
-from tests.rare import rare
+from tests.support.panda import on_panda
+from tests.support.rare import rare
 
 HERE = Path(__file__).parent
 SIZE = (1280, 960)

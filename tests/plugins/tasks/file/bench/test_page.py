@@ -2,7 +2,7 @@
 
 from plugins.tasks.file.bench.bench_page import draw_page
 from plugins.tasks.file.task import FileTask
-from tests.panda import on_panda
+from tests.support.panda import on_panda
 
 TURNED = """
 name: Turned

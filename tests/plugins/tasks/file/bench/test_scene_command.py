@@ -13,7 +13,7 @@ from core.errors import UserError
 from plugins.tasks.file.bench.scene_command import main
 from plugins.tasks.file.scene_warnings import bound
 from plugins.tasks.file.task import FileTask
-from tests.rare import rare
+from tests.support.rare import rare
 
 HERE = Path(__file__).parent
 BAD = yaml.safe_load((HERE / "bad.yaml").read_text())

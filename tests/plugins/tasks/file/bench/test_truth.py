@@ -20,7 +20,7 @@ from plugins.tasks.file.bench.scene_command import main
 from plugins.tasks.file.bench.scene_replies import read_reply
 from plugins.tasks.file.bench.views import CameraError, View
 from plugins.tasks.file.task import FileTask
-from tests.panda import on_panda
+from tests.support.panda import on_panda
 
 HERE = Path(__file__).parent
 SIZE = (1280, 960)

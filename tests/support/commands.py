@@ -22,7 +22,7 @@ from pathlib import Path
 
 from core.errors import UserError
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 def python_m(folder, *words, **environment):
@@ -58,7 +58,7 @@ def warm_python(words, folder, environment, timeout=240):
 @cache
 def _warm():
     reading, writing = os.pipe()
-    command = [sys.executable, "-m", "tests.commands", str(writing)]
+    command = [sys.executable, "-m", "tests.support.commands", str(writing)]
     warm = subprocess.Popen(
         command, cwd=ROOT, stdin=subprocess.PIPE, text=True, pass_fds=[writing]
     )

@@ -1,6 +1,6 @@
 """Write an arm of which a joint slides: two that turn, the slide, and one that turns, all about the vertical.
 
-``python -m tests.scara FILE.urdf`` writes it for people.
+``python -m tests.support.scara FILE.urdf`` writes it for people.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Write an arm that this project has never seen: six joints, meshes of its own in all formats, and no gripper.
 
-``python -m tests.outside_arm FOLDER`` writes it for people.
+``python -m tests.support.outside_arm FOLDER`` writes it for people.
 """
 
 from __future__ import annotations

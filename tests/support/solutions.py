@@ -13,7 +13,7 @@ from core.designs.reading import load_designs, read_designs
 from core.interfaces import RolloutSettings, ToolRepresentation
 from core.plugins import installed
 
-TASKS = Path(__file__).parent / "tasks"
+TASKS = Path(__file__).parents[1] / "tasks"
 PLACES = ("anchored", "hardtoolbench", "softtoolbench")
 FILES = {
     file.stem: file for place in PLACES for file in (TASKS / place).glob("[A-Z]*.json")

@@ -15,8 +15,8 @@ from core.geometry import Box, Pose
 from core.goals import Away
 from core.interfaces import Ability, Outcome, RolloutSettings, Simulator, Task
 from core.scene import Body, Scene, State
-from tests import playing
-from tests.panda import PANDA
+from tests.support import playing
+from tests.support.panda import PANDA
 
 FAULTS = ("abort", "segfault", "hang", "nan", "leak", "raise")
 

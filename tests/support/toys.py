@@ -25,7 +25,7 @@ from core.plugins import Offer, Plugins
 from core.scene import State
 from core.search.trials import key_of
 from plugins.actions.anchored import AnchoredActions
-from tests.executors import Inline
+from tests.support.executors import Inline
 
 
 class Notes:

@@ -17,7 +17,7 @@ from core.designs.rules import (
     MIN_SIDE_M,
     MIN_TOOL_KG,
 )
-from tests.panda import PANDA
+from tests.support.panda import PANDA
 
 MAX_TEXT = 5000
 

@@ -1,5 +1,6 @@
-"""``python -m tests.kills FOLDER N SETTING``: one run with toys, several models and a critic, and N more that are
-killed at different moments and resumed. A setting is one of `SETTINGS`.
+"""``python -m tests.support.kills FOLDER N SETTING``: a run with toys, several models and a critic, and N more.
+
+These are killed at different moments and resumed. A setting is one of `SETTINGS`.
 
 It is a separate process because it forks, which saves starting Python for each run. A moment is the beginning of an
 operation on the disk: an SQL statement, a file that is written, renamed or made, a line in the notes. FOLDER gets
@@ -29,7 +30,7 @@ from core.plugins import installed
 from core.search.orchestration import resume, run
 from core.store.reader import StoredRun
 from plugins.executors.ray import RayExecutor
-from tests.toys import Notes, composed, note_chunks, offer, several
+from tests.support.toys import Notes, composed, note_chunks, offer, several
 
 LAYOUTS = (
     "task.variation=near",
