@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import (
     BSpline,
     CubicHermiteSpline,
@@ -16,7 +14,6 @@ from scipy.interpolate import (
     PchipInterpolator,
     make_interp_spline,
 )
-from scipy.linalg.lapack import dgbtrf, dgbtrs
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, running_sums, step_lengths
@@ -152,68 +149,19 @@ def join_knots(knots: Array, arm: Arm) -> JointPath:
         arm: gives the limits.
     """
     count = len(knots)
-    equations = _prepare_spline(count)
-    points = equations.solve(knots)
-    path = equations.spline(points)
-
-    # A spline stays among its control points: most need no closer look.
-    if ((points >= arm.lower) & (points <= arm.upper)).all():
-        return path
+    places = np.linspace(0.0, 1.0, count)
+    path = make_interp_spline(places, knots, min(3, count - 1))
 
     joints = path(np.linspace(0.0, 1.0, 8 * count))
     below = joints < arm.lower - _ROUNDING_RAD
     above = joints > arm.upper + _ROUNDING_RAD
 
     if (below | above).any():
-        return PchipInterpolator(np.linspace(0.0, 1.0, count), knots, axis=0)
+        return PchipInterpolator(places, knots, axis=0)
 
     return path
 
 
-class _SplineEquations(NamedTuple):
-    """The equations of a spline through evenly spaced places, factorised.
-
-    Attributes:
-        degree: of the spline.
-        knots: the spline's own.
-        factors: of the band matrix, as LAPACK's ``gbtrf`` packs them.
-        pivots: the order of its rows.
-    """
-
-    degree: int
-    knots: Array
-    factors: Array
-    pivots: npt.NDArray[np.int32]
-
-    def solve(self, values: Array) -> Array:
-        """Find the control points (K, J) of the spline through values (K, J), as `make_interp_spline` to the bit."""
-        band = self.degree
-        found, _ = dgbtrs(self.factors, band, band, values, self.pivots)
-        return np.ascontiguousarray(found)
-
-    def spline(self, points: Array) -> BSpline:
-        """Return the spline with these control points (K, J); what its constructor checks is so."""
-        return BSpline.construct_fast(self.knots, points, self.degree)
-
-
-# Most of the time of `make_interp_spline` goes to what is the same for all paths.
-@lru_cache(maxsize=128)
-def _prepare_spline(count: int) -> _SplineEquations:
-    """Prepare the equations of a spline through so many places: cubic, or of a lower degree where they are few."""
-    band = min(3, count - 1)
-    s = np.linspace(0.0, 1.0, count)
-    knots = make_interp_spline(s, np.zeros(count), band).t
-    matrix = BSpline.design_matrix(s, knots, band).toarray()
-    packed = np.zeros((3 * band + 1, count), order="F")
-    for offset in range(-band, band + 1):
-        columns = slice(max(offset, 0), count + min(offset, 0))
-        packed[2 * band - offset, columns] = np.diagonal(matrix, offset)
-
-    factors, pivots, _ = dgbtrf(packed, band, band)
-    return _SplineEquations(band, knots, factors, pivots)
-
-
-@lru_cache(maxsize=128)
 def sample_cells(cells: int) -> Array:
     """Sample a path evenly, its knots among them, where curvature is largest.
 
@@ -221,11 +169,9 @@ def sample_cells(cells: int) -> Array:
         cells: how many there are from knot to knot.
 
     Returns:
-        Places (S,) from 0 to 1, read-only.
+        Places (S,) from 0 to 1.
     """
-    places = np.linspace(0.0, 1.0, cells * max(16, -(-40 // cells)) + 1)
-    places.setflags(write=False)
-    return places
+    return np.linspace(0.0, 1.0, cells * max(16, -(-40 // cells)) + 1)
 
 
 def bend(path: JointPath, s: Array) -> Array:

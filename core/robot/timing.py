@@ -114,10 +114,10 @@ def _time_at_rest(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
 
     with np.errstate(divide="ignore"):  # where a joint does not move
         fastest = np.minimum(
-            _row_minima(arm.velocity_limits * speed / slope) ** 2,
-            _row_minima(half / bend(path, s)),
+            (arm.velocity_limits * speed / slope).min(axis=1) ** 2,
+            (half / bend(path, s)).min(axis=1),
         )
-        gain = np.minimum(_row_minima(half / slope), 5 * PEAK / asked_s**2)
+        gain = np.minimum((half / slope).min(axis=1), 5 * PEAK / asked_s**2)
 
     square = np.minimum(fastest, (PEAK / asked_s) ** 2)
     square[[0, -1]] = 0.0
@@ -128,18 +128,6 @@ def _time_at_rest(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
 
     times, along = _sample_evenly(s, rate, lasts)
     return TimedLeg(times, path(along), [float(times[-1])])
-
-
-def _row_minima(values: Array) -> Array:
-    """Find the minimum of each row; fast for many short rows.
-
-    Args:
-        values: (S, J).
-
-    Returns:
-        Minima (S,).
-    """
-    return np.ascontiguousarray(values.T).min(axis=0)
 
 
 def _limit_change(square: list[float], allowed: list[float]) -> list[float]:
@@ -262,10 +250,8 @@ def _sample_evenly(s: Array, rate: Array, lasts: Array) -> tuple[Array, Array]:
     """
     instants = running_sums(lasts)
     duration = instants[-1]
-    # To the last bit `np.linspace`, in a third of its time.
     count = max(1, math.ceil(duration / _SAMPLE_S))
-    times = np.arange(1, count + 1) * (duration / count)
-    times[-1] = duration
+    times = np.linspace(0.0, duration, count + 1)[1:]
 
     step = instants.searchsorted(times, side="right") - 1
     step = np.minimum(step, len(lasts) - 1)
@@ -273,4 +259,4 @@ def _sample_evenly(s: Array, rate: Array, lasts: Array) -> tuple[Array, Array]:
 
     growth = (rate[step + 1] - rate[step]) / lasts[step] / 2
     along = s[step] + rate[step] * since + growth * since**2
-    return times, np.minimum(np.maximum(along, 0.0), 1.0)
+    return times, np.clip(along, 0.0, 1.0)
