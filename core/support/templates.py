@@ -7,6 +7,7 @@ from importlib.resources import files
 from typing import Any
 
 import jinja2
+import yaml
 from jinja2.sandbox import SandboxedEnvironment
 
 from core.support.text import number
@@ -20,6 +21,11 @@ def fill(package: str, template: str, /, **given: Any) -> str:
 def macros(package: str, template: str) -> Any:
     """Return a template's macros, as the functions of a module: each writes a phrase."""
     return _environment(package).get_template(template).module
+
+
+def fill_yaml(text: str, /, **given: Any) -> Any:
+    """Fill in a template of YAML, and read it; lists and objects of Python read as YAML."""
+    return yaml.safe_load(build_environment().from_string(text).render(given))
 
 
 @cache

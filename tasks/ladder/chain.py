@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import random
 
-from tasks.ladder.bodies import mark, part, slider
+from tasks.ladder.bodies import part, write_scene
 from tasks.ladder.designs import (
     DROP_M,
     NECK_M,
@@ -63,46 +63,21 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
     place = 0.01 + 0.01 * room  # of the pawn at the end
     x = 0.46 + rng.uniform(-0.01, 0.01)
     y = rng.uniform(-0.01, 0.02)
-    chest = [round(x, 4), round(y, 4), 0]
-    listed = ", ".join(SAY[job] for job in jobs)
-    goals: list[Entry] = [
-        {
-            "name": "out",
-            "bodies": ["gold"],
-            "place": [*GOAL, None],
-            "tolerance": round(place, 4),
-            "rest": True,
-            "released": True,
-        }
-    ]
-    for job, joint, before in (("shut", "slide", "out"), ("lock", "latch", "shut")):
-        if job in jobs:
-            end = {"joint": joint, "to": f"< {off:.4f}", "after": before}
-            goals.append({"name": job, **end})
-
-    bolted = "bolt" in jobs
-    scene = {
-        "description": (
-            f"A chest with a sliding lid holds a golden pawn. In {len(jobs)} jobs, in this order: {listed}. The pawn "
-            f"must stand at ({GOAL[0]:g}, {GOAL[1]:g}), within {1000 * place:.0f} mm. What is slid back must end "
-            f"within {1000 * off:.0f} mm of where it was."
-        ),
-        "in_words": (
-            f"A chest with a sliding lid holds a golden pawn. In this order: {listed}. The pawn must stand upright on "
-            "the middle of the green mark. What is slid back must end where it was."
-        ),
-        "marks": [mark(GOAL)],
-        "bodies": _bodies(chest, bolted, off),
-        "joints": _joints(bolted),
-        "every": True,
-        "goals": goals,
-        "variations": {
-            "wide": {
-                "bodies.chest.position.x": "+-0.01",
-                "bodies.chest.position.y": "+-0.015",
-            }
-        },
-    }
+    bolt_y = PLATE_M + off + 0.013  # a lid that is hardly open leaves the bolt its way
+    scene = write_scene(
+        "chain",
+        jobs=jobs,
+        listed=", ".join(SAY[job] for job in jobs),
+        goal=GOAL,
+        tolerance=place,
+        off=off,
+        x=x,
+        y=y,
+        chest=_chest("bolt" in jobs, bolt_y),
+        gold={**pawn("gold", 0.04, 0.0, "gold"), "at": "chest"},
+        tab=TAB_M,
+        bolt_y=bolt_y,
+    )
     mouth = 2 * SURE * noise_m + KNOB_M + 0.002
     plan = join(_steps(job, noise_m, mouth, off) for job in jobs)
     return Rung(
@@ -112,9 +87,8 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
     )
 
 
-def _bodies(chest: list[float], bolted: bool, off: float) -> list[Entry]:
-    """Write what stands there. A lid that is open by no more than ``off`` leaves the bolt its way."""
-    bolt_y = PLATE_M + off + 0.013
+def _chest(bolted: bool, bolt_y: float) -> list[Entry]:
+    """Write the chest's walls, and what the bolt slides on."""
     long, wide = HALF_M
     wall = WALL_M / 2
     middle = HEIGHT_M / 2
@@ -131,57 +105,7 @@ def _bodies(chest: list[float], bolted: bool, off: float) -> list[Entry]:
         size = (0.12, deep, HEIGHT_M)
         parts.append(part(size, (TAB_M + 0.025, wide + deep / 2, middle)))
 
-    lid = [
-        part((2 * long - 0.03, 2 * PLATE_M, 0.006), (0, 0, 0.004)),
-        part((0.012, 0.012, 0.05), (0, 0, 0.032)),
-    ]
-    bodies = [
-        {
-            "name": "chest",
-            "fixed": True,
-            "position": chest,
-            "color": "burlywood",
-            "parts": parts,
-        },
-        {
-            "name": "lid",
-            "at": "chest",
-            "position": [0, 0, HEIGHT_M + 0.0015],
-            "mass": 0.3,
-            "color": "peru",
-            "friction": 0.3,
-            "parts": lid,
-        },
-        {**pawn("gold", 0.04, 0.0, "gold"), "at": "chest"},
-    ]
-    if not bolted:
-        return bodies
-
-    lid.append(part((0.032, 0.02, 0.006), (TAB_M, 0.0625, 0.004)))
-    bolt = [
-        part((0.03, 0.02, 0.008), (0, 0, 0.005)),
-        part((0.012, 0.012, 0.045), (0, 0, 0.0315)),
-    ]
-    bodies.append(
-        {
-            "name": "bolt",
-            "at": "chest",
-            "position": [TAB_M, round(bolt_y, 4), HEIGHT_M + 0.0015],
-            "mass": 0.1,
-            "color": "firebrick",
-            "parts": bolt,
-        }
-    )
-    return bodies
-
-
-def _joints(bolted: bool) -> list[Entry]:
-    stiff = {"friction": 1.0, "damping": 2.0}
-    joints = [slider("slide", "lid", "chest", [0, 1, 0], 0.22, **stiff)]
-    if bolted:
-        joints.append(slider("latch", "bolt", "chest", [1, 0, 0], 0.08, **stiff))
-
-    return joints
+    return parts
 
 
 def _steps(job: str, noise_m: float, mouth: float, off: float) -> list[Entry]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import random
 
-from tasks.ladder.bodies import button, mark, part, run
+from tasks.ladder.bodies import drive, part, write_scene
 from tasks.ladder.designs import (
     POST_M,
     THICK_M,
@@ -44,70 +44,41 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
     travel = DEEP_M + 2 * (SURE * noise_m + SPARE_M)
     mouth = funnel(noise_m, STEM_M)
     x = 0.45 + rng.uniform(-0.02, 0.02)
-    bodies = [pawn("pawn", x, -0.12 + rng.uniform(-0.01, 0.01), "red")]
-    goals: list[Entry] = [
-        {
-            "bodies": ["pawn"],
-            "place": [*GOAL, None],
-            "tolerance": TOLERANCE_M,
-            "released": True,
-            "rest": True,
-            "also": [{"axis": [0, 0, 1], "tolerance_deg": 10}],
-        }
-    ]
-    said = ["carry the red pawn to the middle of the green mark and let it stand there"]
+    red = pawn("pawn", x, -0.12 + rng.uniform(-0.01, 0.01), "red")
+    gap = (THICK_M + 2 * SURE * noise_m + 0.004) * room
+    slot = _slot(gap, travel) if level > 1 else []
     parts = fork(mouth)
     plan = fetch("pawn", GOAL, noise_m, mouth, LIFT_M)
-    joints: list[Entry] = []
-    if level > 1:
-        gap = (THICK_M + 2 * SURE * noise_m + 0.004) * room
-        bodies += _slot(gap, travel)
-        joints.append(button("push", "deep", "slot", [0, 1, 0], travel))
-        goals.append({"joint": "push", "to": f"> {DEEP_M}", "ever": True})
-        said.append("press the green button deep in the slot once")
+    if slot:
         parts.append(bar("rod", (0, 0), (0, ROD_M), "post", drop=ROD_DROP_M))
         plan += _push(travel, noise_m)
 
     period = rng.uniform(2.0, 3.0)
-    bodies += _cart(travel)
-    joints += [
-        run("run", "cart", "track", SWING_M, period),
-        button("press", "button", "cart", [1, 0, 0], travel),
-    ]
-    goals.append({"joint": "press", "to": f"> {DEEP_M}"})
-    said.append(
-        "press the blue button on the cart that runs to and fro, and keep it pressed to the end"
-    )
     half = SWING_M + SURE * noise_m + 0.025
     behind = -FACE_M + THICK_M / 2
     parts.append(bar("rail", (-half, behind), (half, behind), "post", drop=RAIL_DROP_M))
     plan += _keep(travel, noise_m)
-    scene = {
-        "description": (
-            f"{len(said)} jobs for one tool: {'; '.join(said)}. The mark is at ({GOAL[0]:g}, {GOAL[1]:g}), the pawn "
-            f"must stand within {1000 * TOLERANCE_M:.0f} mm of it, and a button counts from {1000 * DEEP_M:.0f} mm on."
-        ),
-        "in_words": f"Jobs for one tool: {'; '.join(said)}.",
-        "marks": [mark(GOAL)],
-        "bodies": bodies,
-        "joints": joints,
-        "every": True,
-        "goals": goals,
-        "variations": {
-            "wide": {
-                "bodies.pawn.position.x": "+-0.01",
-                "bodies.track.position.x": "+-0.01",
-                "bodies.track.position.y": "+-0.01",
-            }
-        },
-    }
+    scene = write_scene(
+        "jobs",
+        goal=GOAL,
+        tolerance=TOLERANCE_M,
+        deep=DEEP_M,
+        pawn=red,
+        slot=slot,
+        slot_height=SLOT_M,
+        gap=gap,
+        height=CART_M,
+        travel=travel,
+        swing=SWING_M,
+        drive=drive(SWING_M, period),
+    )
     return Rung(
         scene, design("stack", parts, plan), design("fork alone", fork(mouth), plan)
     )
 
 
 def _slot(gap: float, travel: float) -> list[Entry]:
-    """Write two walls along y, and a button between them at their far end."""
+    """Write two walls along y, and one that closes them at their far end."""
     long = DEPTH_M + travel + 0.03
     wall = 0.02
     tall = SLOT_M + 0.03
@@ -117,50 +88,7 @@ def _slot(gap: float, travel: float) -> list[Entry]:
         parts.append(part([wall, long, tall], place))
 
     parts.append(part([gap + 2 * wall, wall, tall], [0, long + wall / 2, tall / 2]))
-    slot = {
-        "name": "slot",
-        "fixed": True,
-        "position": [0.46, 0.14, 0],
-        "color": "lightgray",
-        "parts": parts,
-    }
-    deep = {
-        "name": "deep",
-        "at": "slot",
-        "position": [0, round(DEPTH_M, 4), SLOT_M],
-        "box": [round(0.8 * gap, 4), 0.01, 0.03],
-        "mass": 0.03,
-        "color": "green",
-    }
-    return [slot, deep]
-
-
-def _cart(travel: float) -> list[Entry]:
-    """Write a track on legs, a cart on it, and a button on the cart's side toward the robot."""
-    track = {
-        "name": "track",
-        "fixed": True,
-        "position": [0.7, 0, 0],
-        "color": "gray",
-        "parts": [part([0.02, 0.16, 0.02], [0, 0, CART_M - 0.05])],
-    }
-    cart = {
-        "name": "cart",
-        "at": "track",
-        "position": [0, 0, CART_M],
-        "box": [0.04, 0.05, 0.06],
-        "mass": 0.5,
-        "color": "steelblue",
-    }
-    blue = {
-        "name": "button",
-        "at": "track",
-        "position": [round(-(0.028 + travel), 4), 0, CART_M],
-        "box": [0.012, 0.03, 0.03],
-        "mass": 0.03,
-        "color": "blue",
-    }
-    return [track, cart, blue]
+    return parts
 
 
 def _push(travel: float, noise_m: float) -> list[Entry]:

@@ -58,17 +58,6 @@ RAIL_M = 0.02  # over which no pawn is pushed
 RIGHT_M = 0.005  # a fork without a funnel still takes in what is seen so far off
 
 
-def rail(name: str, y: float, length: float) -> Entry:
-    """Write a low wall across the table, so that a pawn has to be lifted."""
-    return {
-        "name": name,
-        "fixed": True,
-        "box": [length, 0.01, RAIL_M],
-        "position": [0.45, y, RAIL_M / 2],
-        "color": "gray",
-    }
-
-
 def take(
     noise_m: float, jobs: Sequence[tuple[str, tuple[float, float]]], lift: float
 ) -> tuple[Entry, Entry]:

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import random
 
+from tasks.ladder.bodies import write_scene
 from tasks.ladder.designs import THICK_M, funnel
-from tasks.ladder.pawns import BASE_M, STEM_M, pawn, rail, take
-from tasks.ladder.rung import SURE, Entry, Rung, spread
+from tasks.ladder.pawns import BASE_M, RAIL_M, STEM_M, pawn, take
+from tasks.ladder.rung import SURE, Rung, spread
 
 ZONE_X_M = 0.45
 RAIL_Y_M = 0.31
-ZONE_Y_M = 0.42
 PLACES_Y_M = (0.48, 0.37)  # of the first and the second pawn of a zone
 ROW_X_M = 0.54
 LIFT_M = 0.12
@@ -46,45 +46,16 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
 
     free = max(RAIL_Y_M - abs(begin) - BASE_M - 0.02, 0.004)
 
-    scene = {
-        "description": (
-            f"{count} pawns, red and blue, stand in a row on the table, {1000 * apart:.0f} mm apart, "
-            "between two low rails. Carry each red "
-            "one into the red zone at the left, and each blue one into the blue zone at the right, with one plan. All "
-            "must stay upright and be let go."
-        ),
-        "in_words": (
-            "Pawns, red and blue, stand in a row on the table, between two low rails. Carry each red one into the red "
-            "zone at the left, and each blue one into the blue zone at the right, with one plan. All must stay upright "
-            "and be let go."
-        ),
-        "bodies": [
-            *bodies,
-            rail("rail_1", RAIL_Y_M, 0.4),
-            rail("rail_2", -RAIL_Y_M, 0.4),
-        ],
-        "marks": [
-            _zone("red_zone", ZONE_Y_M, "salmon"),
-            _zone("blue_zone", -ZONE_Y_M, "skyblue"),
-        ],
-        "every": True,
-        "goals": [
-            _inside("red"),
-            _inside("blue"),
-            {
-                "bodies": ["red_*", "blue_*"],
-                "axis": [0, 0, 1],
-                "tolerance_deg": 30,
-                "throughout": True,
-            },
-        ],
-        "variations": {
-            "wide": {
-                f"bodies.{first['name']}.position.x": f"+-{spread(noise_m)}",
-                f"bodies.{first['name']}.position.y": f"+-{min(spread(noise_m), round(free, 4))}",
-            }
-        },
-    }
+    scene = write_scene(
+        "sort",
+        pawns=bodies,
+        apart=apart,
+        rail_y=RAIL_Y_M,
+        rail_height=RAIL_M,
+        zone_x=ZONE_X_M,
+        spread=spread(noise_m),
+        aside=min(spread(noise_m), round(free, 4)),
+    )
     return Rung(scene, *take(noise_m, _list_jobs(names), LIFT_M))
 
 
@@ -99,17 +70,3 @@ def _list_jobs(names: list[str]) -> list[tuple[str, tuple[float, float]]]:
         taken[color] += 1
 
     return jobs
-
-
-def _zone(name: str, y: float, color: str) -> Entry:
-    return {
-        "name": name,
-        "box": [0.3, 0.24, 0.12],
-        "position": [ZONE_X_M, y, 0.04],
-        "color": color,
-    }
-
-
-def _inside(color: str) -> Entry:
-    zone = f"{color}_zone"
-    return {"bodies": [f"{color}_*"], "inside": zone, "released": True, "rest": True}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import random
 
-from tasks.ladder.bodies import button, part, run
+from tasks.ladder.bodies import drive, write_scene
 from tasks.ladder.designs import (
     DROP_M,
     POST_M,
@@ -34,53 +34,19 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
     travel = DEEP_M + 2 * (SURE * noise_m + SPARE_M)
     x = 0.62 + rng.uniform(-0.02, 0.02)
     button_x = -(0.02 + travel + 0.008)
-    scene = {
-        "description": (
-            f"A cart runs to and fro on a track along y, {1000 * swing:.0f} mm to each side of its middle, once in "
-            f"{period:.1f} s. On its side toward the robot is a sprung button. At the end the button must be pressed "
-            f"by at least {1000 * DEEP_M:.0f} mm, while the cart runs on."
-        ),
-        "in_words": (
-            "A cart runs to and fro on a track. On its side toward the robot is a sprung button. At the end the button "
-            "must be pressed, while the cart runs on."
-        ),
-        "bodies": [
-            {
-                "name": "track",
-                "fixed": True,
-                "position": [round(x, 4), 0, 0],
-                "color": "gray",
-                "parts": [part((0.02, 2 * swing + 0.06, 0.04), (0, 0, 0.02))],
-            },
-            {
-                "name": "cart",
-                "at": "track",
-                "position": [0, 0, HEIGHT_M],
-                "box": [0.04, 0.06, 0.06],
-                "mass": 0.5,
-                "color": "steelblue",
-            },
-            {
-                "name": "button",
-                "at": "track",
-                "position": [round(button_x, 4), 0, HEIGHT_M],
-                "box": [0.012, 2 * BUTTON_M, 2 * BUTTON_M],
-                "mass": 0.03,
-                "color": "red",
-            },
-        ],
-        "joints": [
-            run("run", "cart", "track", swing, period),
-            button("press", "button", "cart", [1, 0, 0], travel),
-        ],
-        "goals": [{"joint": "press", "to": f"> {DEEP_M}"}],
-        "variations": {
-            "wide": {
-                "bodies.track.position.x": f"+-{spread(noise_m)}",
-                "bodies.track.position.y": f"+-{spread(noise_m)}",
-            }
-        },
-    }
+    scene = write_scene(
+        "swing",
+        swing=swing,
+        period=period,
+        deep=DEEP_M,
+        x=x,
+        height=HEIGHT_M,
+        button_x=button_x,
+        half_button=BUTTON_M,
+        drive=drive(swing, period),
+        travel=travel,
+        spread=spread(noise_m),
+    )
     half = swing + SURE * noise_m + BUTTON_M + 0.01
     rail = bar(
         "rail", (FACE_M - THICK_M / 2, -half), (FACE_M - THICK_M / 2, half), "post"

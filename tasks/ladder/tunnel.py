@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import random
 
-from tasks.ladder.bodies import button
+from tasks.ladder.bodies import part, write_scene
 from tasks.ladder.designs import THICK_M, bar, box, design, post, waypoint
 from tasks.ladder.rung import SURE, Entry, Rung
 
@@ -26,7 +26,6 @@ ROUND_M = (
 )
 DROP_M = 0.3
 SPOKE_M = 0.255  # of the arm from the post to the arc, below the flange
-STOP_RAD = 0.12  # from the end of the arc to where the button waits
 
 
 def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
@@ -35,43 +34,18 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
     x = 0.5 + rng.uniform(-0.02, 0.02)
     button_at = angle / 2 + 0.08
     travel = DEEP_M + 2 * (SURE * noise_m + SPARE_M)
-    scene = {
-        "description": (
-            "A tunnel lies on the table, bent into a part of a circle of "
-            f"{math.degrees(angle):.0f} degrees, {1000 * gap:.0f} mm wide and high, closed at its far end, where a "
-            f"button is. Press the button by {1000 * DEEP_M:.0f} mm."
-        ),
-        "in_words": (
-            "A tunnel lies on the table, bent into a part of a circle, closed at its far end, where a button is. Press "
-            "the button."
-        ),
-        "bodies": [
-            {
-                "name": "tunnel",
-                "fixed": True,
-                "position": [round(x, 4), 0, 0],
-                "color": "lightgray",
-                "parts": _walls(angle, gap, travel),
-            },
-            {
-                "name": "button",
-                "at": "tunnel",
-                "position": [*_around(button_at), HEIGHT_M],
-                "rpy_deg": [0, 0, round(math.degrees(button_at), 2)],
-                "mass": 0.03,
-                "color": "red",
-                "parts": [{"box": [round(0.7 * gap, 4), 0.01, round(0.7 * gap, 4)]}],
-            },
-        ],
-        "joints": [button("press", "button", "tunnel", [0, 1, 0], travel)],
-        "goals": [{"joint": "press", "to": f"> {DEEP_M}"}],
-        "variations": {
-            "wide": {
-                "bodies.tunnel.position.x": "+-0.03",
-                "bodies.tunnel.position.y": "+-0.04",
-            }
-        },
-    }
+    scene = write_scene(
+        "tunnel",
+        degrees=math.degrees(angle),
+        gap=gap,
+        deep=DEEP_M,
+        x=x,
+        walls=_walls(angle, gap, travel),
+        button_place=_around(button_at),
+        button_deg=math.degrees(button_at),
+        height=HEIGHT_M,
+        travel=travel,
+    )
     reach = angle + 0.3 + travel / RADIUS_M
     return Rung(
         scene,
@@ -115,11 +89,8 @@ def _walls(angle: float, gap: float, travel: float) -> list[Entry]:
 def _part(
     size: tuple[float, float, float], place: list[float], height: float, turn: float
 ) -> Entry:
-    return {
-        "box": [round(side, 4) for side in size],
-        "position": [*place, round(height, 4)],
-        "rpy_deg": [0, 0, round(math.degrees(turn), 2)],
-    }
+    rpy_deg = [0, 0, round(math.degrees(turn), 2)]
+    return {**part(size, (*place, height)), "rpy_deg": rpy_deg}
 
 
 def _arc(reach: float) -> list[Entry]:
