@@ -17,6 +17,7 @@ from core.errors import UserError
 from tests.support.disks import disk, sealed  # noqa: F401  # fixtures
 from tests.support.executors import inline  # noqa: F401  # a fixture
 from tests.support.processes import undisturbed  # noqa: F401  # a fixture
+from tests.support.runs import toy  # noqa: F401  # a fixture
 
 # What this user has typed is no part of a test, nor what a test types of this user.
 os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="vlmgineer-state-")

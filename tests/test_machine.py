@@ -16,7 +16,7 @@ from tests.support.processes import (
     temporary_in,
     wait_until,
 )
-from tests.test_resume import assert_same_run
+from tests.support.runs import assert_same_run
 
 pytestmark = pytest.mark.slow
 

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from core.design import (
     GRIPPER_MOUNTS,
     RIGID_MOUNT,
-    Candidate,
     Component,
     DesignError,
     Tool,
@@ -16,6 +15,7 @@ from core.design import (
 from core.geometry import Box, Pose
 from core.trial import best_first
 from plugins.conformance.evaluations import tried_once
+from tests.support.evaluations import candidate, ok
 
 LEFT, RIGHT = GRIPPER_MOUNTS
 
@@ -73,21 +73,12 @@ def test_what_is_no_tool(components, gripper, reason):
 # --- candidates -------------------------------------------------------------------------------------------------
 
 
-def candidate(*key):
-    generation, agent, strategy, action = key
-    return Candidate(Tool(), np.zeros((1, 6)), generation, agent, strategy, action)
-
-
 def test_ids_tell_generation_agent_strategy_and_plan():
     assert candidate(0, 3, 1, 7).id == "g0-a3-s1-p7"
     assert candidate(0, 3, 1, 7).key == (0, 3, 1, 7)
 
 
 keys = st.tuples(*[st.integers(0, 200)] * 4)
-
-
-def ok(reward, distance, key=(0, 0, 0, 0)):
-    return tried_once(candidate(*key), "ok", reward=reward, distance_m=distance)
 
 
 def test_best_first_by_reward_then_distance_then_key_where_there_are_no_ties():

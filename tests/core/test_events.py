@@ -1,17 +1,10 @@
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
-from core.design import Candidate, Tool
 from core.events import Generation, Result
 from core.trial import Tally, Trial, Where
-from plugins.conformance.evaluations import tried_once
-
-
-def evaluation(number, reward, status="ok", distance_m=1.0):
-    candidate = Candidate(Tool(), np.zeros((1, 6)), 0, number, 0, 0)
-    return tried_once(candidate, status, reward=reward, distance_m=distance_m)
+from tests.support.evaluations import evaluation
 
 
 def test_a_generation_counts_what_was_tried():

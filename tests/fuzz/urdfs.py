@@ -35,8 +35,8 @@ from plugins.robots.own_arm import read_robot
 from plugins.simulators.inertia import inertia_of
 from plugins.tasks.file.imports import read_bodies, solids
 from tests.plugins.tasks.file.imports.conftest import called
-from tests.plugins.tasks.file.imports.test_urdf import cabinet, joint, link, mesh
 from tests.support import outside_arm
+from tests.support.cabinets import cabinet, joint, link, mesh
 
 SLOWEST_S = 20.0
 VALUES = [

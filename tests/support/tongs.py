@@ -2,6 +2,7 @@
 
 from core.design import Component, Tool, ToolJoint
 from core.geometry import Box, Pose
+from core.scene import Body, Geom
 from plugins.conformance.scenery import box
 
 JAW, GAP, THICK = 0.12, 0.034, 0.006  # of the jaws: length, distance and thickness
@@ -25,3 +26,12 @@ def tongs(lower=0.0):
             Component(f"{name}_end", name, bent, Box((0.03, 0.003, 0.02)), 0.005)
         )
     return Tool(tuple(components))
+
+
+def hammer(name, at, side=0.05):
+    """A body whose centre of mass is not its frame's origin, and whose axes of inertia are not its own."""
+    parts = (
+        Geom(Box((side, 0.02, 0.02)), Pose.xyz_rpy((0.03, 0.01, 0), (0.2, 0.3, 0.4))),
+        Geom(Box((0.03, side, 0.04)), Pose.xyz_rpy((0, 0, 0.02))),
+    )
+    return Body(name, Pose.xyz_rpy(at, (0.3, 0, 0.5)), 0.2, parts, parts)

@@ -14,6 +14,7 @@ from core.geometry import Box, Cylinder, Mesh, Pose, Sphere
 from core.plugins import Plugins
 from core.scene import Body, Geom
 from tests.core.plugins.offering import Offering
+from tests.support.boxes import box, rigid
 from tests.support.panda import PANDA, on_panda
 from tests.support.refusing import refused
 from tests.support.scenes import CubeOnTable
@@ -31,22 +32,6 @@ def test_a_rule_of_a_plugin_that_fails_costs_the_design(monkeypatch):
         match="tool_rule 'printer' of my-lab raised ZeroDivisionError: division by zero",
     ):
         check_tool(Tool((box(),)), PANDA)
-
-
-def box(
-    name="a",
-    at=(0, 0, -0.05),
-    size=(0.02, 0.02, 0.1),
-    *,
-    parent="tool_mount",
-    mass=0.005,
-    rpy=(0, 0, 0),
-):
-    return Component(name, parent, Pose.xyz_rpy(at, rpy), Box(size), mass)
-
-
-def rigid(*components):
-    return Tool(components or (box(),))
 
 
 def gripper(*components):

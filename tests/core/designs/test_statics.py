@@ -18,7 +18,7 @@ from core.values.materials import PAPER, Material
 from core.values.printers import MK4
 from plugins.commands.prompt import PromptConfig, compose
 from plugins.tools.mounting import describe_weight
-from tests.core.designs.test_rules import box, rigid
+from tests.support.boxes import box, rigid
 from tests.support.panda import PANDA
 from tests.support.rare import rare
 

@@ -10,7 +10,7 @@ from core.designs.rules import check_tool
 from core.designs.stiffness import Beams
 from core.geometry import Pose
 from core.values.materials import Material
-from tests.core.designs.test_rules import box, rigid
+from tests.support.boxes import box, rigid
 from tests.support.panda import PANDA
 
 SOLID = Material("solid", 1240, young_pa=2.5e9, strength_pa=26e6)

@@ -16,11 +16,11 @@ from core.plugins import installed
 from core.scene import FIXTURE
 from core.search.assignment import Assignment
 from plugins.results.artifacts import save_design
-from tests.plugins.tasks.file.test_scenes import SCENES
 from tests.support.engines import simulator
 from tests.support.panda import on_panda
 from tests.support.playing import evaluate_batch
 from tests.support.refusing import fits, refused
+from tests.support.scene_files import SCENES
 
 BOXES = installed().create("tool", "boxes")
 (FUNNEL,) = [scene for scene in SCENES if scene.stem == "UseFunnel"]

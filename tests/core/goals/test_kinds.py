@@ -19,7 +19,7 @@ from core.goals import (
     Turned,
     find_wants,
 )
-from tests.core.goals.test_goals import CUBE, SCENE, START
+from tests.support.goal_scenes import CUBE, SCENE, START
 
 
 @dataclass(frozen=True, kw_only=True)

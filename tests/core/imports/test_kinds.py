@@ -13,6 +13,7 @@ from core.imports.kinds import (
     tell_kind,
     wrap_fragment,
 )
+from tests.support.hands import hand
 
 
 def urdf(count, kind="revolute", effort=' effort="10" velocity="1"'):
@@ -24,16 +25,6 @@ def urdf(count, kind="revolute", effort=' effort="10" velocity="1"'):
         for number in range(count)
     )
     return f'<robot name="chain">{links}{joints}</robot>'
-
-
-def hand(second="0 -1 0", effort=' effort="10"'):
-    """Two slides on one palm."""
-    slides = "".join(
-        f'<joint name="slide_{side}" type="prismatic"><parent link="palm"/><child link="{side}"/>'
-        f'<axis xyz="{axis}"/><limit lower="0" upper="0.04"{effort} velocity="1"/></joint>'
-        for side, axis in (("a", "0 1 0"), ("b", second))
-    )
-    return f'<robot name="hand"><link name="palm"/><link name="a"/><link name="b"/>{slides}</robot>'
 
 
 def mjcf(count, joint='<joint type="hinge"/>'):

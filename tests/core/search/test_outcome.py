@@ -12,7 +12,7 @@ from core.simulation.play import play
 from core.store.rows import Best, SecondEngineFigures
 from core.trial import Making, best_first
 from plugins.conformance.evaluations import tried_once
-from tests.core.test_design import ok
+from tests.support.evaluations import ok
 
 
 @pytest.mark.parametrize(

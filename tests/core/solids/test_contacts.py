@@ -11,8 +11,8 @@ from core.scene import Bond, Joint, Scene
 from core.simulation.observing import list_contacts
 from core.solids.contacts import HULL_M, TOUCH_M, find_contacts, make_trace
 from core.solids.penetration import findings
-from tests.core.solids.test_penetration import HZ, ROD, body, recording, straight
 from tests.support.panda import ARM, PANDA
+from tests.support.recordings import HZ, ROD, body, recording, straight
 
 CUBE = Box((0.1, 0.1, 0.1))
 HULL = Mesh.from_trimesh(CUBE.to_trimesh())

@@ -9,14 +9,8 @@ from core.geometry import Box, Cylinder, Pose, Sphere
 from core.scene import Body, Geom, Scene, table
 from core.solids.penetration import findings
 from plugins.results.workshop.tracks import robot_tracks
-from tests.core.solids.test_penetration import (
-    ROD,
-    body,
-    penetrations,
-    recording,
-    straight,
-)
 from tests.support.panda import ARM, PANDA
+from tests.support.recordings import ROD, body, penetrations, recording, straight
 
 HZ = 400.0
 SIDE = 0.05

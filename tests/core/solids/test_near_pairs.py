@@ -11,8 +11,8 @@ from core.geometry import Box, Cylinder, Mesh, Sphere
 from core.scene import Scene
 from core.solids.near_pairs import may_meet
 from core.solids.tracks import Pair, follow
-from tests.core.solids.test_penetration import body, recording, straight
 from tests.support.panda import PANDA
+from tests.support.recordings import body, recording, straight
 
 HULL = Mesh.from_trimesh(
     trimesh.creation.icosphere(subdivisions=1, radius=0.05).apply_scale([2.0, 1.0, 0.5])

@@ -9,13 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from core.design import Candidate, Component, Tool, ToolJoint
+from core.design import Candidate, Tool, ToolJoint
 from core.errors import UsageError
 from core.geometry import Box, Cylinder, Pose, Sphere
 from core.goals import Placed
 from core.interfaces import (
     Outcome,
-    Recording,
     Rollout,
     RolloutSettings,
     Simulator,
@@ -23,72 +22,20 @@ from core.interfaces import (
 )
 from core.plugins import installed
 from core.robot.trajectory import at_home
-from core.scene import Body, Joint, Scene, State, table
+from core.scene import Joint, Scene, table
 from core.solids.penetration import Explosion, findings
 from plugins.conformance.releases import hinge, hinged
 from tests.support.panda import ARM, PANDA
 from tests.support.playing import evaluate_batch
-
-HZ = 25.0
-ROD = Tool(
-    (
-        Component(
-            "rod",
-            "tool_mount",
-            Pose.xyz_rpy((0.0, 0.0, -0.1)),
-            Box((0.02, 0.02, 0.2)),
-        ),
-    )
+from tests.support.recordings import (
+    HZ,
+    ROD,
+    WALL,
+    body,
+    penetrations,
+    recording,
+    straight,
 )
-GREY = (0.5, 0.5, 0.5, 1.0)
-
-
-def body(name, shape, position, mass=0.1, rpy=(0, 0, 0)):
-    return Body.of(name, shape, position, mass=mass, color=GREY, rpy=rpy)
-
-
-WALL = body("wall", Box((0.01, 0.5, 0.5)), (0.5, 0.0, 0.25), mass=0.0)
-
-
-def recording(scene, paths, hz=HZ, arms=None, quaternions=None, velocities=None):
-    """Record free bodies at ``paths`` (T, 3), by name; the arm is far from them by default (``arms``: (T, 7))."""
-    count = len(arms) if arms is not None else len(next(iter(paths.values())))
-    away = np.tile([2.8, *ARM.home[1:]], (count, 1))
-    names = tuple(free.name for free in scene.free)
-
-    def series(given, default):
-        """Values by name, or the default (T, free bodies, numbers)."""
-        rows = [
-            np.broadcast_to(given.get(n, default), (count, len(default))) for n in names
-        ]
-        return np.stack(rows, axis=1) if rows else np.zeros((count, 0, len(default)))
-
-    states = State(
-        names,
-        series(paths, (0.0, 0.0, 0.0)),
-        series(quaternions or {}, (1.0, 0.0, 0.0, 0.0)),
-        series(velocities or {}, (0.0, 0.0, 0.0)),
-        np.zeros((count, len(names), 3)),
-    )
-    return Recording(
-        np.arange(count) / hz,
-        arms if arms is not None else away,
-        np.zeros((count, 2)),
-        states,
-    )
-
-
-def straight(start, end, count):
-    return np.linspace(start, end, count)
-
-
-def penetrations(scene, taken, tool=ROD):
-    return [
-        finding.text
-        for finding in findings(scene, PANDA, tool, taken)
-        if finding.penetration
-    ]
-
 
 # --- passing through --------------------------------------------------------------------------------------------
 

@@ -15,8 +15,8 @@ from core.solids.record_rate import coarse_samples, refined_samples, sample_hz, 
 from core.solids.rollout_solids import tool_solids
 from core.solids.tracks import SAMPLE_HZ
 from core.values.joints import Joint
-from tests.core.solids.test_penetration import WALL, body, recording, straight
 from tests.support.panda import ARM, PANDA
+from tests.support.recordings import WALL, body, recording, straight
 
 
 def stick(thick):

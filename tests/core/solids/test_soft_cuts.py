@@ -5,24 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.design import Component
 from core.geometry import Box, Cylinder, Pose, Sphere
 from core.robot.kinematics import arm_of
 from core.scene import Elastic, Filling, Scene, Soft
 from core.solids.penetration import findings
-from tests.core.designs.test_rules import rigid
-from tests.core.solids.test_penetration import recording
+from tests.support.boxes import LENGTH_M, hanging
 from tests.support.panda import PANDA
+from tests.support.recordings import recording
 
 ARM = arm_of(PANDA)
-LENGTH_M = 0.2
 SOFT = Elastic(150, 20000)
-
-
-def hanging(shape):
-    """A tool that reaches down from the flange, to its tip."""
-    pose = Pose.xyz_rpy((0, 0, -LENGTH_M / 2))
-    return rigid(Component("blade", "tool_mount", pose, shape, 0.05))
 
 
 def play(shape, deep, seconds):

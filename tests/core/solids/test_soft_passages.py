@@ -10,10 +10,9 @@ from core.geometry import Box, Cylinder, Pose
 from core.robot.kinematics import arm_of
 from core.scene import Body, Cloth, Elastic, Geom, Rope, Scene, Soft
 from core.solids.penetration import findings
-from tests.core.designs.test_rules import rigid
-from tests.core.solids.test_penetration import recording
-from tests.core.solids.test_soft_cuts import hanging
+from tests.support.boxes import hanging, rigid
 from tests.support.panda import PANDA
+from tests.support.recordings import recording
 
 ARM = arm_of(PANDA)
 SOFT = Elastic(900, 1e6)

@@ -11,32 +11,15 @@ from core.design import Candidate, DesignError, Tool
 from core.geometry import Box
 from core.interfaces import Feel, Guard, Perception, RolloutSettings, Waypoints
 from core.robot.trajectory import plan_task_motion
-from core.scene import Body
 from core.simulation.attempt import Stage, plan_attempt, prepare
 from core.solids.record_rate import MAX_HZ
 from core.solids.tracks import SAMPLE_HZ
 from plugins.actions.anchored import AnchoredActions
-from plugins.conformance.scenery import GREY, stick
-from plugins.conformance.worlds import HOME, Bodies, arm
+from plugins.conformance.worlds import HOME, arm
 from tests.support.engines import every_simulator, simulator
 from tests.support.faults import Faulty
+from tests.support.guarded_blocks import ABOVE, DOWN, TOOL, TOP, UP, Block
 from tests.support.playing import condition, evaluate_batch
-
-TOP = 0.1
-BLOCK = Body.of(
-    "block", Box((0.2, 0.2, TOP)), (0.55, 0.0, TOP / 2), mass=0.0, color=GREY
-)
-TOOL = stick(0.2)
-ABOVE = {"anchor": "block", "offset": [0, 0, 0.3]}
-DOWN = {"anchor": "block", "offset": [0, 0, 0.2], "until": "touch", "speed": 0.05}
-UP = {"anchor": "here", "offset": [0, 0, 0.05]}
-
-
-class Block(Bodies):
-    home = HOME
-
-    def __init__(self):
-        super().__init__(BLOCK)
 
 
 def candidate(*steps):

@@ -8,8 +8,8 @@ from core.errors import UsageError, UserError
 from core.geometry import Pose
 from core.scene import Camera
 from plugins.commands import import_file
-from tests.core.imports.test_kinds import hand
-from tests.plugins.tasks.file.test_import_scene import TIN
+from tests.support.hands import hand
+from tests.support.scene_files import TIN
 
 DOWN = Camera((0.6, 0.0, 1.0), (0.6, 0.0, 0.0), 60.0)
 

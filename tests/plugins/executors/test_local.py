@@ -12,6 +12,7 @@ from core.errors import Fault, UserError
 from core.interfaces import CHUNK
 from core.plugins import installed
 from core.support.scratch import scratch
+from tests.support.chunks import double, misfortune
 from tests.support.processes import all_gone, living
 
 pytestmark = pytest.mark.slow
@@ -24,51 +25,13 @@ def executor(**settings):
 # What workers do: functions of a module, so that they can travel.
 
 
-def double(chunk):
-    return [2 * x for x in chunk]
-
-
 def who(chunk):
     time.sleep(0.05)
     return os.getpid()
 
 
-def misfortune(chunk):
-    done.append(chunk)
-    match chunk[0]:
-        case "raise":
-            raise ValueError("this chunk is bad")
-        case "exit":
-            os._exit(3)
-        case "leave":
-            os._exit(0)  # as a library does that calls C's exit
-        case "system exit":
-            sys.exit("enough")
-        case "unreadable":
-            raise Unreadable("a", "b")
-        case "kill":
-            os.kill(os.getpid(), signal.SIGKILL)
-        case "hang":
-            time.sleep(60)
-        case "no room":
-            raise OSError(28, "No space left on device", "/somewhere")
-        case "spoilt" if len(done) > 1:  # the second chunk of a process
-            raise FileNotFoundError(2, "No such file or directory")
-    return chunk
-
-
-done = []
-
-
 def refuse(*arguments):
     os._exit(7)
-
-
-class Unreadable(Exception):
-    """Like many: it can be written into a pipe, and not be read from it."""
-
-    def __init__(self, one, other):
-        super().__init__(f"{one} and {other}")
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -153,7 +116,8 @@ def test_processes_that_cannot_be_used_end_the_run(monkeypatch):
 PARENT = """
 import os, signal, sys, time
 from core.plugins import installed
-from tests.plugins.executors.test_local import misfortune, who
+from tests.support.chunks import misfortune
+from tests.plugins.executors.test_local import who
 
 if __name__ == "__main__":
     pool = installed().create("executor", "local", {"workers": 2})

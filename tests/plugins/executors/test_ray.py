@@ -18,7 +18,7 @@ from core.search.trials import Trials
 from core.simulation.play import play
 from plugins.fitness.nominal import Nominal
 from tests.benchmarks.measuring import designs
-from tests.plugins.executors.test_local import double, misfortune
+from tests.support.chunks import double, misfortune
 from tests.support.processes import all_gone, family
 from tests.support.rare import rare
 

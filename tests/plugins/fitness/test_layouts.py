@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from core.config.compose import load, part
-from core.design import Candidate, Component, Tool
+from core.design import Component, Tool
 from core.errors import UserError
 from core.geometry import Box, Pose
-from core.interfaces import Condition, Perception, RolloutSettings, Waypoints
+from core.interfaces import Condition, Perception
 from core.plugins import PluginPart
 from core.search.orchestration import resume, run
 from core.simulation.play import play
@@ -24,26 +24,7 @@ from plugins.fitness.nominal import Nominal
 from plugins.results.pages.runs import read_run
 from plugins.vlms.context.feedback import combined_figures
 from tests.plugins.fitness.judging import judged
-
-QUICK = RolloutSettings(segment_s=0.2, settle_s=0.05, hold_s=0.1)
-WIDE = Condition(
-    PluginPart("task", "BringCube", (("variation", "wide"),)),
-    PluginPart("sim", "mujoco"),
-    3,
-    QUICK,
-)
-STICK = Tool(
-    (
-        Component(
-            "stick",
-            "tool_mount",
-            Pose.xyz_rpy((0.0, 0.0, -0.1)),
-            Box((0.02, 0.02, 0.2)),
-            0.005,
-        ),
-    )
-)
-STAY = Candidate(STICK, Waypoints(np.array([[0.5, 0.0, 0.5, 0.0, 0.0, 0.0]])))
+from tests.support.conditions import QUICK, STAY, WIDE
 
 
 def fitness(condition=WIDE, **settings):

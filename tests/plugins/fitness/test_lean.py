@@ -8,7 +8,7 @@ from core.config.compose import load, part
 from core.errors import UserError
 from core.interfaces import Trial
 from tests.plugins.fitness.judging import judged
-from tests.plugins.fitness.test_layouts import STAY, WIDE
+from tests.support.conditions import STAY, WIDE
 
 NUMBERS = {"BringCube": [4.0, 0.005, None]}
 

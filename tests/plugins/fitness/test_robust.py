@@ -17,7 +17,7 @@ from core.simulation.play import play
 from plugins.fitness.perturbation_range import PerturbationRange
 from plugins.fitness.robustness import Perturbation
 from tests.plugins.fitness.judging import judged
-from tests.plugins.fitness.test_robustness import COARSE, CONDITION, TASK
+from tests.support.conditions import COARSE, CONDITION, TASK
 
 ROOT = Path(__file__).parents[3]
 

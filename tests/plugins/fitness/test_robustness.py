@@ -10,7 +10,7 @@ from core.config.compose import engines, load, part
 from core.design import Candidate, Component, Tool
 from core.designs.start import SpawnRules
 from core.geometry import Box, Capsule, Compound, Mesh, Pose
-from core.interfaces import Condition, Trial, Waypoints
+from core.interfaces import Trial, Waypoints
 from core.plugins import PluginPart
 from core.simulation.play import play
 from core.trial import Evaluation, Where
@@ -19,11 +19,7 @@ from core.values.observations import Observation
 from plugins.fitness.perturbation_range import PerturbationRange
 from plugins.fitness.robustness import Perturbation
 from plugins.fitness.several import score_by_worst_engine
-
-COARSE = {"name": "pybullet", "time_step": 0.004}
-TASK = PluginPart("task", "BringCube")
-CONDITION = Condition(TASK, PluginPart("sim", "pybullet"))
-
+from tests.support.conditions import COARSE, CONDITION, TASK
 
 # --- the choices and their settings -----------------------------------------------------------------------------
 

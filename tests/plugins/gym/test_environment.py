@@ -16,10 +16,10 @@ from core.simulation.attempt import prepare
 from plugins.gym.environment import ToolEnv
 from tasks.bring_cube import BringCube
 from tasks.move_ball import MoveBall
+from tests.support.commands import ROOT
 from tests.support.engines import every_simulator
 from tests.support.panda import ARM, FINGER_OPEN
 from tests.support.rare import rare
-from tests.test_docs import ROOT
 
 pytestmark = pytest.mark.slow
 

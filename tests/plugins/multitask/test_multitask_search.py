@@ -16,7 +16,7 @@ from plugins.results.transfer import transfer
 from plugins.results.workshop.export_command import configured, export
 from tests.support import toys
 from tests.support.rare import rare
-from tests.test_resume import assert_same_run, toy  # noqa: F401  # a fixture
+from tests.support.runs import assert_same_run
 
 pytestmark = pytest.mark.slow
 
@@ -151,7 +151,7 @@ def test_export_writes_one_tool_and_a_motion_for_each_task(found, tmp_path):
     "words", rare([{"executor.fails_at": 2}, {"vlm.limit": 4}], {"vlm.limit": 4})
 )
 def test_a_run_that_was_cut_short_comes_to_the_same_end_and_repeats_nothing(
-    toy,  # noqa: F811
+    toy,
     tmp_path,
     words,
 ):
@@ -170,7 +170,7 @@ def test_a_run_that_was_cut_short_comes_to_the_same_end_and_repeats_nothing(
 
 
 @pytest.mark.thorough
-def test_a_replay_tries_the_same_designs(toy, tmp_path):  # noqa: F811
+def test_a_replay_tries_the_same_designs(toy, tmp_path):
     # Some joined plans follow ones that failed.
     first = run(toys.several(toy.file, *TOYS[:2]), tmp_path / "run")
     cfg = toys.config(toy.file, *TOYS[:2])

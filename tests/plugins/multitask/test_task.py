@@ -8,8 +8,8 @@ from core.errors import UsageError
 from core.plugins import installed
 from core.scene import FIXTURE
 from plugins.multitask.task import Multitask
-from tests.plugins.tasks.file.test_scenes import SCENES
 from tests.support.panda import on_panda
+from tests.support.scene_files import SCENES
 
 pytestmark = pytest.mark.slow
 

@@ -7,8 +7,8 @@ import pytest
 
 from core.config.schemas import PromptSettings
 from core.interfaces import Budget, Reply
-from tests.core.search.test_designer import Canned, designer
-from tests.plugins.replies.test_spelled import RAW, read, spell
+from tests.support.designers import Canned, designer
+from tests.support.spelled import RAW, read, spell
 
 pytestmark = pytest.mark.slow
 

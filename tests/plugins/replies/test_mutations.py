@@ -11,8 +11,8 @@ from core.designs.reading import read_designs
 from core.designs.replies import parse_reply
 from core.plugins import installed
 from plugins.actions.waypoints import WaypointActions
-from tests.plugins.replies.test_spelled import POSES, RAW
 from tests.support.hostile import bring_cube
+from tests.support.spelled import POSES, RAW
 
 PLANS = [POSES, [[*pose[:5], 0.25] for pose in POSES]]
 STRATEGIES = [

@@ -12,7 +12,7 @@ from core.errors import UserError
 from plugins.replies import saving
 from plugins.replies.assumptions import assume
 from plugins.replies.saving import MAX_SAVED
-from tests.core.designs.test_reading import PLAN, STRATEGY, TASK, Rod
+from tests.support.rods import PLAN, STRATEGY, TASK, Rod
 
 pytestmark = pytest.mark.slow
 

@@ -18,6 +18,7 @@ from core.robot.solids import robot_solids
 from core.values.robots import ISO_9409_1_50, Robot
 from plugins.robots.arm_settings import BoltOptions, GripperOptions
 from plugins.robots.own_arm import read_robot
+from tests.support.hands import gripped
 from tests.support.outside_arm import FLANGE, HOME, LIMIT
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
@@ -193,30 +194,6 @@ def test_a_gripper(changed):
         "hand_base",
     }
     assert "hand_base" not in {solid.name for solid in robot_solids(robot, False)}
-
-
-def gripped(
-    kinds=("prismatic", "prismatic"),
-    right='<axis xyz="0 -1 0"/><mimic joint="left"/>',
-    lower="0",
-    fixed="tool0",
-):
-    """The changes that give the arm a gripper."""
-    box = '<geometry><box size="0.02 0.02 0.04"/></geometry>'
-    inertia = '<inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4"/></inertial>'
-    links = "".join(
-        f'<link name="{name}">{inertia}<collision><origin xyz="0 0 0.02"/>{box}</collision></link>'
-        for name in ("hand_base", "finger_l", "finger_r")
-    )
-    joints = f'<joint name="on" type="fixed"><parent link="{fixed}"/><child link="hand_base"/></joint>'
-    limit = f'<limit lower="{lower}" upper="0.03" effort="25" velocity="0.1"/>'
-    for name, kind, more in (
-        ("left", kinds[0], f'<axis xyz="0 1 0"/>{limit}'),
-        ("right", kinds[1], right),
-    ):
-        ends = f'<origin xyz="0 0 0.04"/><parent link="hand_base"/><child link="finger_{name[0]}"/>'
-        joints += f'<joint name="{name}" type="{kind}">{ends}{more}</joint>'
-    return [("</robot>", f"{links}{joints}</robot>")]
 
 
 def test_what_moves_beside_the_arm_is_held_or_left_out(changed):

@@ -10,7 +10,7 @@ from core.errors import UserError
 from core.plugins import installed
 from plugins.commands import evaluate, render
 from plugins.conformance.suites import SUITES
-from tests.plugins.robots.test_own_arm import gripped
+from tests.support.hands import gripped
 from tests.support.outside_arm import FLANGE, HOME, write_arm
 from tests.support.rare import rare
 

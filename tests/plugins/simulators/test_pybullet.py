@@ -2,23 +2,14 @@
 
 import pytest
 
-from core.geometry import Box, Pose
 from core.plugins import installed
-from core.scene import Body, Geom, table
+from core.scene import table
 from plugins.conformance.output import bits
 from plugins.conformance.scenery import cube, stick
 from plugins.conformance.worlds import move
+from tests.support.tongs import hammer
 
 pytest.importorskip("pybullet")
-
-
-def hammer(name, at, side=0.05):
-    """A body whose centre of mass is not its frame's origin, and whose axes of inertia are not its own."""
-    parts = (
-        Geom(Box((side, 0.02, 0.02)), Pose.xyz_rpy((0.03, 0.01, 0), (0.2, 0.3, 0.4))),
-        Geom(Box((0.03, side, 0.04)), Pose.xyz_rpy((0, 0, 0.02))),
-    )
-    return Body(name, Pose.xyz_rpy(at, (0.3, 0, 0.5)), 0.2, parts, parts)
 
 
 PLAN = [[0.6, 0.2, 0.15, 0, 0.3, 0], [0.6, -0.2, 0.15, 0, 0, 0.5]]

@@ -14,7 +14,7 @@ from core.plugins import installed
 from core.scene import Body, Drive, Joint, Latch, Scene, table
 from plugins.conformance.scenery import FAR, GREY, cube
 from plugins.conformance.worlds import BARE, GRAVITY, Bodies, film, still
-from tests.plugins.simulators.test_pybullet import hammer
+from tests.support.tongs import hammer
 
 pytest.importorskip("pybullet")
 SMALL = Box((0.1, 0.02, 0.02))

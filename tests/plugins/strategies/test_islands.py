@@ -12,7 +12,7 @@ from core.plugins import installed
 from core.search.orchestration import resume, run
 from plugins.conformance.evaluations import tried_once
 from tests.support import toys
-from tests.test_resume import assert_same_run, rows, toy  # noqa: F401 - a fixture
+from tests.support.runs import assert_same_run, rows
 
 BUDGET = Budget(4, 1, 1, 9, 2, 0.0, k_least=0)
 
@@ -105,7 +105,7 @@ def test_wrong_settings(settings, message):
         search(**settings)
 
 
-def test_a_run_on_islands_goes_on_as_it_would_have(toy, tmp_path):  # noqa: F811
+def test_a_run_on_islands_goes_on_as_it_would_have(toy, tmp_path):
     """Its requests differ from island to island, and are the same again."""
     words = ("evolution=islands", "budget.n_iteration=2")
     run(toys.config(toy.file, *words), tmp_path / "whole")

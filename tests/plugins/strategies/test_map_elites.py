@@ -15,7 +15,7 @@ from core.trial import best_first
 from plugins.conformance.evaluations import tried_once
 from tests.core.run_folders import hook
 from tests.support import toys
-from tests.test_resume import assert_same_run, toy  # noqa: F401 - a fixture
+from tests.support.runs import assert_same_run
 
 BUDGET = Budget(2, 4, 1, 3, 3, 0.0, k_least=0)
 
@@ -88,14 +88,14 @@ def test_wrong_settings(settings, message):
 WORDS = ("evolution=map_elites", "budget.n_iteration=2")
 
 
-def config(toy, fails_at=None):  # noqa: F811
+def config(toy, fails_at=None):
     cfg = toys.config(toy.file, *WORDS)
     OmegaConf.update(cfg, "executor.fails_at", fails_at, force_add=True)
     return cfg
 
 
 @pytest.mark.thorough
-def test_an_interrupted_run_comes_to_the_same_archive(toy, tmp_path):  # noqa: F811
+def test_an_interrupted_run_comes_to_the_same_archive(toy, tmp_path):
     run(config(toy), tmp_path / "whole")
     tried = len(toy.lines("tried"))
     assert (

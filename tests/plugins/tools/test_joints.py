@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from core.design import DesignError, ToolJoint
 from core.plugins import installed
 from plugins.conformance.releases import hinge, hinged, sliding
-from tests.plugins.tools.test_urdf import instructions_of
+from tests.support.drawn_tools import instructions_of
 from tests.support.tongs import tongs
 
 NUMBERS = ("lower", "upper", "damping", "friction", "stiffness", "rest")

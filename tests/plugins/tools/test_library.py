@@ -15,7 +15,7 @@ from core.search.setup import build_search
 from core.store.reader import StoredRun
 from plugins.results.toolbox.toolbox_command import main as toolbox
 from tests.core.run_folders import hook, write_run
-from tests.plugins.tasks.file.test_scenes import SCENES
+from tests.support.scene_files import SCENES
 
 LONG_POST = Tool(
     (

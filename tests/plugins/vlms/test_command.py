@@ -12,7 +12,7 @@ from core.errors import UsageError, UserError
 from core.search.orchestration import run
 from plugins.vlms.command import Command
 from tests.plugins.vlms.servers import PNG, request
-from tests.plugins.vlms.test_litellm_runs import COMMON, SOLUTION
+from tests.support.model_runs import COMMON, SOLUTION
 
 TELL = """
 import json, os, sys

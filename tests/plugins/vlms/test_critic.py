@@ -23,15 +23,7 @@ from plugins.conformance.evaluations import tried_once
 from plugins.vlms.critic import MAX_CRITIQUE, ModelCritic
 from plugins.vlms.offline.designer import OfflineDesigner
 from tasks.bring_cube import BringCube
-from tests.core.search.test_designer import (
-    PLAN,
-    ROD,
-    URDF,
-    Canned,
-    Listener,
-    designer,
-    good,
-)
+from tests.support.designers import PLAN, ROD, URDF, Canned, Listener, designer, good
 from tests.support.panda import on_panda
 
 BUDGET = Budget(2, 1, 1, 3, 5, 0.6)

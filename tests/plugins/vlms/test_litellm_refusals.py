@@ -8,15 +8,12 @@ from core.interfaces import Message, Text
 from plugins.vlms.litellm.language_model import LanguageModel
 from tests.plugins.vlms.asking import ask, in_turn
 from tests.plugins.vlms.servers import Say, Send, request, serving
+from tests.support.model_runs import refused
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("planted", "warm")]
 
 SHARED = "# Rules\nNo glue.\n\n"
 NEWS = "# What is wanted\n\nA hook.\n"
-
-
-def refused(message, status=400):
-    return Send(json.dumps({"error": {"message": message}}), status)
 
 
 def ask_twice(script, model="openai/my-own", **settings):

@@ -13,7 +13,7 @@ from core.simulation.pictures import png
 from plugins.vlms.litellm.context import ANSWER, SMALLEST
 from tests.plugins.vlms.asking import ask, model_at
 from tests.plugins.vlms.servers import Say, request, serving
-from tests.plugins.vlms.test_litellm_refusals import refused
+from tests.support.model_runs import refused
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("planted", "warm")]
 

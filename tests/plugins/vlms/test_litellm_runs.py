@@ -6,7 +6,6 @@ import signal
 import sqlite3
 import time
 from contextlib import closing
-from pathlib import Path
 from urllib.parse import quote
 
 import pytest
@@ -17,13 +16,8 @@ from core.search.orchestration import resume, run
 from tests.plugins.vlms.asking import KEYS
 from tests.plugins.vlms.servers import Reset, Say, Send, document, serving
 from tests.support.commands import warm_python
+from tests.support.model_runs import COMMON, SOLUTION
 from tests.support.rare import rare
-
-ROOT = Path(__file__).parents[3]
-SOLUTION = json.loads((ROOT / "tests/tasks/solutions/BringCube.json").read_text())[
-    "strategies"
-][0]
-COMMON = ["sim=mujoco", "film=false", "listener={}"]
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("planted", "warm", "inline")]
 

@@ -18,7 +18,7 @@ from plugins.actions.anchored import AnchoredActions
 from plugins.actions.waypoints import WaypointActions
 from plugins.vlms.mailbox import Mailbox, judge
 from tasks.bring_cube import BringCube
-from tests.core.test_events import evaluation
+from tests.support.evaluations import evaluation
 from tests.support.panda import on_panda
 
 pytestmark = pytest.mark.slow

@@ -10,7 +10,7 @@ from core.config.schemas import PromptSettings
 from core.errors import LimitReached
 from core.geometry import Box, Pose
 from core.interfaces import Budget, Reply, Text
-from tests.core.search.test_designer import PLAN, ROD, URDF, Canned, designer
+from tests.support.designers import PLAN, ROD, URDF, Canned, designer
 
 pytestmark = pytest.mark.slow
 

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from plugins.vlms.telling import last_generation, most_telling, outcome_of
-from tests.plugins.vlms.context.test_feedback import SEEN, tried
+from tests.support.tried import SEEN, tried
 
 
 def test_the_last_generation_is_the_one_with_the_highest_number():

@@ -1,6 +1,5 @@
 """The tables: their numbers are the runs'."""
 
-import csv
 import re
 
 import numpy as np
@@ -10,13 +9,9 @@ from core.interfaces import Felt, Looked
 from plugins.results.best import save_events
 from plugins.results.report.report_command import report
 from tests.core.run_folders import edit, result, write_run
+from tests.support.text import read_csv
 
 pytestmark = pytest.mark.slow
-
-
-def read_csv(file):
-    with file.open(newline="", encoding="utf-8") as opened:
-        return list(csv.DictReader(opened))
 
 
 def test_rewards_by_task_and_method_are_those_of_the_result_files(made):

@@ -18,7 +18,7 @@ from plugins.results.study.ladder.climbing import (
 )
 from plugins.results.study.ladder.staircase import Staircase, Step, highest
 from plugins.results.study.running import Runner
-from tests.plugins.results.report.test_tables import read_csv
+from tests.support.text import read_csv
 
 WORDS = [
     *("task=ladder", "task.family=tunnel", "task.level=1", "task.seed=0"),

@@ -29,9 +29,9 @@ from plugins.results.study.study_files import (
     read_study,
 )
 from tests.core.run_folders import write_run
-from tests.plugins.results.report.test_tables import read_csv
 from tests.plugins.vlms.servers import Say, serving
 from tests.support.processes import family, wait_until
+from tests.support.text import read_csv
 
 SOLUTIONS = Path(__file__).parents[3] / "tasks" / "solutions"
 SMALL = {

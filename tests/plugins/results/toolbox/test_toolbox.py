@@ -18,8 +18,8 @@ from plugins.results.toolbox.held_tools import find_tools
 from plugins.results.toolbox.library import read_library
 from plugins.results.toolbox.toolbox_command import main, write
 from tests.core.run_folders import hook, write_run
-from tests.plugins.tasks.file.test_scenes import SCENES
 from tests.support.panda import PANDA
+from tests.support.scene_files import SCENES
 
 pytestmark = pytest.mark.slow
 

@@ -3,7 +3,6 @@
 import importlib.util
 import json
 import py_compile
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,11 +13,8 @@ import pytest
 from omegaconf import OmegaConf
 
 from core.config.compose import task_parts
-from core.design import Candidate
 from core.designs.planning import resolve
-from core.interfaces import RolloutSettings
 from core.robot.kinematics import arm_of
-from plugins.actions.anchored import AnchoredActions
 from plugins.results.workshop.carrying import (
     DESIGN,
     SETTINGS,
@@ -26,58 +22,19 @@ from plugins.results.workshop.carrying import (
     dump_settings,
     load_export,
 )
-from plugins.results.workshop.dry_run import DryRun
 from plugins.results.workshop.export_command import configured
-from plugins.results.workshop.policy import Limits, Policy, Stopped
+from plugins.results.workshop.policy import Limits, Policy
 from plugins.results.workshop.texts import write_plan_programs
 from plugins.robots.arms import panda, ur10
-from tests.plugins.actions.test_guards import ABOVE, DOWN, TOOL, TOP, UP, Block
-from tests.plugins.actions.test_looks import CUBES, HIGH, LOOK, OVER, Cubes
-from tests.support.playing import Made
+from tests.support.carried import TOUCH_Z, Exact, cubes, exported
+from tests.support.guarded_blocks import ABOVE, DOWN, TOOL, UP, Block
+from tests.support.seen_cubes import CUBES, HIGH, LOOK, OVER, Cubes
 
 PAYLOAD = {
     "mass_kg": 0.1,
     "center_m": [0.0, 0.0, 0.1],
     "inertia_kg_m2": np.eye(3).tolist(),
 }
-UPRIGHT = [1.0, 0.0, 0.0, 0.0]
-PUSH_N = 20.0
-TOUCH_Z = TOP + 0.2 + 0.004  # the block is 4 mm higher than the plan takes it to be
-
-
-def exported(task, *steps, **settings):
-    plan = AnchoredActions().parse(list(steps), gripper=False)
-    candidate = Candidate(TOOL, plan, 0, 0, 0, 0)
-    return DryRun(Made(task), candidate, 0, RolloutSettings(**settings), 100.0)
-
-
-@dataclass
-class Exact:
-    """An arm that follows exactly.
-
-    Attributes:
-        places: of the mount, where moves ended.
-        seconds: that the moves took.
-    """
-
-    arm: object
-    places: list = field(default_factory=list)
-    seconds: float = 0.0
-
-    def move_until(self, move):
-        rows = zip(move.samples.times.tolist(), move.samples.positions, strict=True)
-        stopped = None
-        for time, joints in rows:
-            force = np.zeros(3)
-            if self.arm.forward(joints).position[2] < TOUCH_Z:
-                force[2] = PUSH_N
-            if move.has_fired(time, joints, force):
-                stopped = Stopped(joints, time)
-                break
-
-        self.seconds += time
-        self.places.append(self.arm.forward(joints).position)
-        return stopped
 
 
 def carry(task, perceive, *steps, **settings):
@@ -88,11 +45,6 @@ def carry(task, perceive, *steps, **settings):
         plan, driver, perceive, clock=lambda: driver.seconds, wait=waits.append
     )
     return policy, driver, waits
-
-
-def cubes(**places):
-    seen = {name: [*place, 0.02, *UPRIGHT] for name, place in CUBES.items()}
-    return seen | {name: [*xy, 0.02, *UPRIGHT] for name, xy in places.items()}
 
 
 def test_what_follows_a_touch_begins_where_the_arm_felt_it():

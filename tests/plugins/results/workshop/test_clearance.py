@@ -9,6 +9,7 @@ from core.robot.kinematics import arm_of
 from plugins.results.workshop.clearance import NEAR_M, clearance, payload, torques
 from plugins.results.workshop.motion import Sampled
 from tests.support.panda import PANDA
+from tests.support.workshop_tools import post
 
 HOME = np.array(PANDA.home)
 
@@ -17,20 +18,6 @@ def still(count=3):
     rows = np.tile(HOME, (count, 1))
     return Sampled(
         np.arange(count) / 100, rows, 0 * rows, 0 * rows, np.full(count, 0.04)
-    )
-
-
-def post(length, mass=0.1):
-    return Tool(
-        (
-            Component(
-                "post",
-                "tool_mount",
-                Pose.xyz_rpy((0, 0, -length / 2)),
-                Box((0.02, 0.02, length)),
-                mass,
-            ),
-        )
     )
 
 

@@ -14,10 +14,10 @@ from plugins.results.workshop.dry_run import DryRun
 from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.parting import describe_parting
 from plugins.results.workshop.replay import play_motion
-from tests.plugins.actions.test_guards import ABOVE, DOWN, TOOL, UP, Block
-from tests.plugins.actions.test_looks import HIGH, LOOK, OVER, Cubes
 from tests.support.engines import every_simulator, simulator
+from tests.support.guarded_blocks import ABOVE, DOWN, TOOL, UP, Block
 from tests.support.playing import Made, condition
+from tests.support.seen_cubes import HIGH, LOOK, OVER, Cubes
 
 LOOP = {"repeat": [LOOK, OVER], "until_seen": {"goal": 0}, "at_most": 2}
 

@@ -23,25 +23,10 @@ from plugins.results.workshop.export_folder import checklist
 from plugins.results.workshop.playback import compare_rewards
 from plugins.results.workshop.ways import close_ways
 from tests.core.run_folders import write_run
+from tests.support.exports import ANCHORED, exported
 from tests.support.panda import PANDA
 
 pytestmark = pytest.mark.slow
-
-ANCHORED = "tests/tasks/anchored"
-
-
-def exported(folder, *words, task="OneBook"):
-    given = [
-        f"designs={ANCHORED}/{task}.json",
-        f"task={task}",
-        "tool=boxes",
-        f"output={folder}",
-        "sims=[mujoco]",
-    ]
-    if not any(word.startswith("printer=") for word in words):
-        given.append("printer.plate_mm=[500,500,500]")
-    (found,) = export(configured([*given, *words]))
-    return found
 
 
 @pytest.fixture(scope="module")

@@ -29,19 +29,13 @@ from plugins.results.workshop.motion import sample, to_csv
 from plugins.results.workshop.replay import play_motion
 from plugins.robots.enlarging import enlarge
 from plugins.robots.own_arm import read_robot
-from tests.plugins.actions.test_guards import ABOVE, DOWN, UP, Block
-from tests.plugins.actions.test_looks import HIGH, LOOK, OVER, Cubes
-from tests.plugins.results.workshop import test_carrying as carrying
-from tests.plugins.results.workshop.test_carrying import (
-    TOUCH_Z,
-    Exact,
-    cubes,
-    exported,
-)
-from tests.support import scara
+from tests.support import carried, scara
+from tests.support.carried import TOUCH_Z, Exact, cubes, exported
+from tests.support.guarded_blocks import ABOVE, DOWN, UP, Block
 from tests.support.outside_arm import FLANGE, HOME, write_arm
 from tests.support.panda import PANDA
 from tests.support.playing import condition
+from tests.support.seen_cubes import HIGH, LOOK, OVER, Cubes
 
 pytestmark = pytest.mark.slow
 
@@ -299,8 +293,8 @@ def halved(task):
 
 def test_a_plan_that_feels_runs_on_an_arm_of_half_the_size(monkeypatch):
     """It feels the touch at half the height, in √2 of the time and with an eighth of the force."""
-    monkeypatch.setattr(carrying, "TOUCH_Z", TOUCH_Z / K)
-    monkeypatch.setattr(carrying, "PUSH_N", carrying.PUSH_N / K**3)
+    monkeypatch.setattr(carried, "TOUCH_Z", TOUCH_Z / K)
+    monkeypatch.setattr(carried, "PUSH_N", carried.PUSH_N / K**3)
     task = halved(Block())
     driver = Exact(arm_of(task.robot.life_size))
     policy = carry_out(exported(task, ABOVE, DOWN, UP), driver, dict)

@@ -6,8 +6,7 @@ import trimesh
 
 from core.design import Component, Tool
 from core.errors import UserError
-from core.geometry import Box, Cylinder, Pose
-from core.interfaces import Material
+from core.geometry import Box, Cylinder
 from core.values.printers import Printer
 from plugins.results.workshop.assembly import draw_apart, picture
 from plugins.results.workshop.exact import Exact, write_step
@@ -21,22 +20,8 @@ from plugins.results.workshop.solid import joined_solids, manifold, to_mesh, uni
 from plugins.results.workshop.strength import strength
 from plugins.results.workshop.tool import make_tool
 from tests.support.panda import PANDA
+from tests.support.workshop_tools import HOOK, MINI, PLA, at
 
-PLA = Material("pla", 1240.0, infill=0.2, wall_mm=1.2, young_pa=2.3e9, strength_pa=26e6)
-MINI = Printer((180.0, 180.0, 180.0))
-
-
-def at(x, y, z):
-    return Pose.xyz_rpy((x, y, z))
-
-
-HOOK = Tool(
-    (
-        Component("block", "tool_mount", at(0, 0, -0.015), Box((0.05, 0.05, 0.02))),
-        Component("arm", "block", at(0.1875, 0, -0.02), Box((0.415, 0.024, 0.02))),
-        Component("tip", "arm", at(0.1975, 0, -0.035), Box((0.02, 0.024, 0.06))),
-    )
-)
 STRIP = Tool(
     (Component("strip", "tool_mount", at(0, 0, -0.2), Box((0.02, 0.004, 0.4))),)
 )

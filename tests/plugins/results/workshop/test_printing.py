@@ -3,27 +3,18 @@
 import pytest
 import trimesh
 
-from core.design import Component, Tool
+from core.design import Component
 from core.geometry import Box, Pose
-from core.values.materials import PAPER
 from core.values.printers import Printer
-from plugins.results.workshop.body import bodies
 from plugins.results.workshop.lying import lay
 from plugins.results.workshop.printing import grams, thinnest
+from tests.support.workshop_tools import print_bodies, tool
 
 WIDE = Printer(plate_mm=(500.0, 500.0, 500.0))
 
 
-def print_bodies(tool, printer, material=PAPER):
-    return [body.printed(printer, material) for body in bodies(tool, printer)]
-
-
 def box(name, parent, at, size, rpy=(0, 0, 0)):
     return Component(name, parent, Pose.xyz_rpy(at, rpy), Box(size))
-
-
-def tool(*components, gripper=False):
-    return Tool(components, gripper=gripper)
 
 
 def failed(piece):

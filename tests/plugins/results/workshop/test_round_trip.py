@@ -16,10 +16,10 @@ from plugins.results.workshop.sheet import figures
 from plugins.results.workshop.solid import joined_solids, manifold, to_mesh, union
 from plugins.results.workshop.stage import Stage
 from plugins.results.workshop.tool import make_tool, write_tool
-from tests.plugins.results.workshop.test_export import exported
-from tests.plugins.results.workshop.test_pieces import HOOK, MINI, PLA
+from tests.support.exports import exported
 from tests.support.panda import PANDA
 from tests.support.playing import condition
+from tests.support.workshop_tools import HOOK, MINI, PLA
 
 OFF_MM = 0.2
 

@@ -16,10 +16,9 @@ from plugins.results.workshop.sheet import figures
 from plugins.results.workshop.strength import Strength, strength
 from plugins.results.workshop.tool import PrintedTool, make_tool
 from plugins.results.workshop.verdicts import strong
-from tests.plugins.results.workshop.test_export import exported
-from tests.plugins.results.workshop.test_printing import print_bodies
-from tests.plugins.results.workshop.test_strength import NEWTONS, SOLID, bar
+from tests.support.exports import exported
 from tests.support.panda import PANDA
+from tests.support.workshop_tools import NEWTONS, SOLID, bar, print_bodies
 
 PRINTER = Printer()
 TASK = installed().create("task", "BringCube")

@@ -5,31 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.design import Component, Tool
+from core.design import Tool
 from core.errors import UserError
-from core.geometry import Box, Pose
 from core.interfaces import Pushes, Recording
 from core.plugins import installed
 from core.robot.kinematics import link_frames
-from core.values.materials import Material
 from plugins.results.workshop.loads import Instant, Load, contact_loads, weights
 from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.strength import strength
 from tests.support.panda import PANDA
-
-SOLID = Material("solid", 1240, young_pa=2.5e9, strength_pa=26e6)
-NEWTONS = 10.0
-
-
-def bar(name, parent, top, length, thick, mass=0.1):
-    """A bar that hangs down; its ``top`` is in the frame of what bears it, whose middle is at 0."""
-    return Component(
-        name,
-        parent,
-        Pose.xyz_rpy((0.0, 0.0, top - length / 2)),
-        Box((thick, thick, length)),
-        mass,
-    )
+from tests.support.workshop_tools import NEWTONS, SOLID, bar
 
 
 def across(component, z, newtons=NEWTONS, what="wall"):

@@ -13,9 +13,9 @@ from plugins.results.workshop.tolerance import (
     check_tolerance,
     draw_tools,
 )
-from tests.plugins.results.workshop.test_clearance import post
-from tests.plugins.results.workshop.test_export import exported
+from tests.support.exports import exported
 from tests.support.playing import condition
+from tests.support.workshop_tools import post
 
 ROW = Strength("post", "tool_mount", "wall", 1.0, "", 0.0, 0.2, 1e6, 9.0, 0.011)
 

@@ -18,10 +18,10 @@ from core.designs.reading import read_designs
 from core.errors import UserError
 from core.interfaces import RolloutSettings
 from core.plugins import installed
-from tests.plugins.tasks.file.test_task import task_of
 from tests.support.engines import SIMULATORS, simulator
 from tests.support.panda import on_panda
 from tests.support.playing import evaluate_batch
+from tests.support.scene_files import task_of
 
 pytestmark = pytest.mark.slow
 

@@ -7,10 +7,10 @@ import pytest
 
 from core.designs.reading import read_designs
 from core.plugins import installed
-from tests.plugins.tasks.file.test_task import task_of
 from tests.support.engines import mujoco_first, simulator
 from tests.support.panda import on_panda
 from tests.support.playing import evaluate_batch
+from tests.support.scene_files import task_of
 
 STAND = "{bodies: [cup], at: fixture, place: [null, null, '> 0.1'], stands_on: fixture}"
 SCENE = """name: Fixtures

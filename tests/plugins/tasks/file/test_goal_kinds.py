@@ -11,7 +11,8 @@ import pytest
 import yaml
 
 from core.goals import KINDS, Limit, Reach
-from tests.plugins.tasks.file.test_lanes import (
+from tests.support.engines import SIMULATORS
+from tests.support.lanes import (
     GOAL,
     LANES,
     SOFTS,
@@ -20,7 +21,6 @@ from tests.plugins.tasks.file.test_lanes import (
     play,
     read,
 )
-from tests.support.engines import SIMULATORS
 
 HERE = Path(__file__).parent
 SAID = {

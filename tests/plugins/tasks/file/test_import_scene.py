@@ -12,11 +12,9 @@ from plugins.tasks.file.import_scene import take_scene
 from plugins.tasks.file.imports import mjcf, solids
 from plugins.tasks.file.task import FileTask
 from tests.plugins.tasks.file.imports.conftest import called
+from tests.support.scene_files import TIN
 
 # As robosuite has its objects: a body without shapes around one that has some, and no joint.
-TIN = """<mujoco model="tin"><worldbody><body><body name="object">
-<geom type="cylinder" size="0.03 0.05" density="300"/></body>
-<site name="top_site" pos="0 0 0.05" size="0.005"/></body></worldbody></mujoco>"""
 CASE = '<collision><origin xyz="0 0 {z}"/><geometry><box size="{size}"/></geometry></collision>'
 
 

@@ -8,7 +8,6 @@ shape stands in a scene that is written here. The robot waits meanwhile.
 
 import re
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -17,39 +16,37 @@ import yaml
 
 from core.design import Component, Fixture, Tool
 from core.geometry import Box, Pose
-from core.goals import goals_margins
 from core.interfaces import (
-    JointTrajectory,
-    Rollout,
     RolloutSettings,
     Waypoints,
 )
-from core.robot.kinematics import arm_of
-from core.solids.contacts import find_contacts, make_trace
-from core.solids.record_rate import MAX_HZ
 from plugins.tasks.file.spec import json_schema
 from plugins.tasks.file.task import FileTask
 from tests.support.engines import SIMULATORS, every_simulator, simulator
 from tests.support.faults import candidate
+from tests.support.lanes import (
+    GOAL,
+    LANES,
+    SOFTS,
+    STAYED,
+    check_first_alone_is_met,
+    earn,
+    play,
+    read,
+)
 from tests.support.panda import on_panda
 from tests.support.playing import evaluate_batch
 from tests.support.shapes import SAMPLES
 
-LANES = Path(__file__).parent / "lanes.yaml"
 BONDS = Path(__file__).parent / "bonds.yaml"
-SOFTS = Path(__file__).parent / "softs.yaml"
 FIXTURE = Path(__file__).parent / "fixture.yaml"
 GROUND = Path(__file__).parent / "ground.yaml"
 SHAPES = Path(__file__).parent / "shapes.yaml"
 GOALS = sorted((Path(__file__).parent / "goals").glob("*.yaml"))
-GOAL = "{bodies: [tray], raised: 0.09}"
 WITHIN = "{bodies: [pea], inside: fixture}"
 CARRIED = "{bodies: [load], held: true}"
 LIFTED = "{bodies: [puller], raised: 0.09}"
 RISEN = "{bodies: [lift], raised: 0.09}"
-STAYED = (
-    "{bodies: [slab], node: 0, place: [0.47, 0.27, null], tolerance: 0.003, rest: true}"
-)
 
 WEIGHED = "{bodies: [tray], raised: 0.09, weight: 3}\n  - {bodies: [far], raised: 0.1}\nevery: true"
 AFTER = "\n  - {bodies: [tray], raised: 0.05, after: 0}\nevery: true"
@@ -194,12 +191,6 @@ def test_every_key_of_the_format_has_a_row_or_a_reason():
     assert keys - shown == ELSEWHERE
 
 
-def read(folder, goals, scene=LANES, goal=GOAL):
-    file = folder / "lanes.yaml"
-    file.write_text(scene.read_text().replace(goal, "\n  - ".join(goals)))
-    return on_panda(FileTask(str(file)))
-
-
 def bring_tray():
     """A tool whose design brings a tray of 0.1 x 0.1 m with walls of 0.03 m, in place of the robot's tool."""
     sides = {
@@ -228,24 +219,8 @@ def hold_tray():
     return Tool((rod, floor))
 
 
-NO_TOOL = Tool()
 TRAY = bring_tray()
 HELD_TRAY = hold_tray()
-
-
-@cache
-def play(engine, scene=LANES, tool=NO_TOOL):
-    """What becomes of the lanes in 1 s: the state before and after, and what happened in between."""
-    task = on_panda(FileTask(str(scene)))
-    scene = task.scene(0).furnished(tool)
-    home = arm_of(task.robot).home_for(task.home)
-    still = JointTrajectory(np.zeros(1), home[None], np.zeros(1))
-    job = Rollout(tool, still, 1, settle_s=0.1, hold_s=1.0, record_hz=MAX_HZ, forces=True)  # fmt: skip
-    (outcome,) = simulator(engine).rollout(task, [job])
-    assert outcome.error is None
-    contacts = find_contacts(scene, task.robot, tool, outcome.recording)
-    trace = make_trace(scene, [contacts])[0]
-    return scene.complete(outcome.start), scene.complete(outcome.end), trace
 
 
 @pytest.mark.parametrize(("goal", "old", "new"), [row[1:] for row in MEANT], ids=[row[0] for row in MEANT])  # fmt: skip
@@ -257,21 +232,6 @@ def test_a_word_means_the_same_in_every_engine(tmp_path, goal, old, new):
     ]
     for engine in SIMULATORS:
         check_first_alone_is_met(tasks, play(engine), engine)
-
-
-def check_first_alone_is_met(tasks, played, engine):
-    """Check that what was played meets the first of two tasks, and misses the other."""
-    met, missed = [earn(task, played) for task in tasks]
-    assert met == pytest.approx(1, abs=1e-6), engine
-    assert missed < 0.999, engine
-
-
-def earn(task, played):
-    """What a task pays for what was played; its margins say the same of whether it is solved."""
-    reward = float(task.reward(*played))
-    solved = all(margin.is_kept for margin in goals_margins(task, *played))
-    assert solved == task.is_solved(reward, *played) == (reward > 1 - 1e-9)
-    return reward
 
 
 @pytest.mark.parametrize("row", SHAPED, ids=[row[0] for row in SHAPED])

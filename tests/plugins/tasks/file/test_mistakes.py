@@ -2,7 +2,6 @@
 
 import os
 import random
-from pathlib import Path
 
 import pytest
 import yaml
@@ -16,9 +15,7 @@ from plugins.tasks.file.building import build_scene
 from plugins.tasks.file.task import FileTask
 from plugins.tasks.file.tree import MAX_BYTES
 from tests.support.refusing import refused
-
-HERE = Path(__file__).parent
-GOOD = (HERE / "open_door.yaml").read_text()
+from tests.support.scene_files import OPEN_DOOR
 
 
 @pytest.fixture
@@ -39,7 +36,7 @@ def line_of(file, text):
 
 
 def test_the_file_without_mistakes_is_read(file):
-    file.write_text(GOOD)
+    file.write_text(OPEN_DOOR)
     assert FileTask(file.name).name == "OpenDoor"
 
 
@@ -51,7 +48,7 @@ def test_what_is_no_object_is_refused(file, text):
 
 
 def test_a_second_document_is_refused(file):
-    file.write_text(f"{GOOD}---\nname: Second\n")
+    file.write_text(f"{OPEN_DOOR}---\nname: Second\n")
     where = {"file": "my_scene.yaml, line 41"}
     with refused("E_NO_YAML", problem="but found another document", **where):
         FileTask(file.name)
@@ -82,7 +79,7 @@ def test_a_pipe_or_an_odd_name_is_refused_at_once(file):
         FileTask("my\0scene")
     (file.parent / "pipe.stl").symlink_to(file)
     file.with_name("scene.yaml").write_text(
-        GOOD.replace("sphere: {radius: 0.04}", "file: pipe.stl")
+        OPEN_DOOR.replace("sphere: {radius: 0.04}", "file: pipe.stl")
     )
     with pytest.raises(
         UserError, match=r"bodies.2.: mesh .*my_scene.yaml is no regular file"
@@ -97,13 +94,13 @@ def test_variations_are_few_and_built_twice_each(file, monkeypatch):
         for n in range(20)
     ]
     assert "at most 20 items" in line_of(
-        file, GOOD.replace("  near:", f"{''.join(ranges)}  near:")
+        file, OPEN_DOOR.replace("  near:", f"{''.join(ranges)}  near:")
     )
     built = []
     monkeypatch.setattr(
         building, "build_scene", lambda *given: built.append(1) or build_scene(*given)
     )
-    file.write_text(GOOD.replace("  near:", f"{''.join(ranges[:19])}  near:"))
+    file.write_text(OPEN_DOOR.replace("  near:", f"{''.join(ranges[:19])}  near:"))
     assert len(FileTask(file.name).variations) == 20
     assert len(built) == 1 + 2 * 20
 
@@ -112,7 +109,7 @@ def test_a_link_that_leads_out_of_the_folder_is_not_followed(file, tmp_path_fact
     outside = tmp_path_factory.mktemp("outside") / "ball.stl"
     outside.write_bytes(b"solid")
     (file.parent / "ball.stl").symlink_to(outside)
-    text = GOOD.replace("sphere: {radius: 0.04}", "file: ball.stl")
+    text = OPEN_DOOR.replace("sphere: {radius: 0.04}", "file: ball.stl")
     assert "ball.stl is not in folder" in line_of(file, text)
 
 
@@ -178,9 +175,9 @@ ROPE = {
     "rope": {"path": [[0, 0, 0], [0, 0, 1]], "count": 9},
     "elastic": {"density": 300, "young": 1e4},
 }
-GOOD_TREE = yaml.safe_load(GOOD)
-GOOD_TREE["bodies"].append({**ROPE, "pinned": [0]})
-PLACES = list(places(GOOD_TREE))
+OPEN_DOOR_TREE = yaml.safe_load(OPEN_DOOR)
+OPEN_DOOR_TREE["bodies"].append({**ROPE, "pinned": [0]})
+PLACES = list(places(OPEN_DOOR_TREE))
 
 
 @settings(max_examples=100, deadline=None)
@@ -189,7 +186,7 @@ PLACES = list(places(GOOD_TREE))
     st.booleans(),
 )
 def test_wild_trees_are_read_or_refused(wild, edits, flow):
-    tree = GOOD_TREE
+    tree = OPEN_DOOR_TREE
     for at, value in edits:
         try:
             tree = changed(tree, at, value)
@@ -208,8 +205,8 @@ def test_wild_trees_are_read_or_refused(wild, edits, flow):
     st.integers(0, 2**32),
 )
 def test_wild_bytes_are_read_or_refused(wild, noise, seed):
-    at = sorted(random.Random(seed).choices(range(len(GOOD)), k=2))
-    rng = GOOD.encode()
+    at = sorted(random.Random(seed).choices(range(len(OPEN_DOOR)), k=2))
+    rng = OPEN_DOOR.encode()
     wild.write_bytes(rng[: at[0]] + noise + rng[at[1] :])
     read_or_refused(wild)
 

@@ -12,13 +12,13 @@ from plugins.commands.prompt import PromptConfig, compose
 from plugins.tasks.file import photos
 from plugins.tasks.file.task import FileTask
 from tests.plugins.tasks.file.imports.conftest import called
-from tests.plugins.tasks.file.test_mistakes import GOOD
+from tests.support.scene_files import OPEN_DOOR
 
 PHOTO = "pictures: [a.jpg, {file: b.png, camera: {position: [1.4, -0.9, 0.8], target: [0.6, 0, 0.1], fov_deg: 42}}]\n"
 
 
 def scene(folder, pictures):
-    (folder / "scene.yaml").write_text(GOOD + pictures)
+    (folder / "scene.yaml").write_text(OPEN_DOOR + pictures)
     return str(folder / "scene.yaml")
 
 

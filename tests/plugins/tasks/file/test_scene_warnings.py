@@ -12,8 +12,8 @@ from plugins.tasks.file.scene_warnings import (
     find_unrewarded,
     find_warnings,
 )
-from tests.plugins.tasks.file.test_task import task_of
 from tests.support.panda import on_panda
+from tests.support.scene_files import task_of
 
 BODY = "\n  - {name: tin, cylinder: {radius: 0.03, length: 0.1}, position: [0.7, 0.2, 0.05], mass: 0.2}"
 

@@ -19,8 +19,8 @@ from plugins.tasks.file.task import FileTask
 from tests.support.engines import every_simulator, simulator
 from tests.support.panda import on_panda
 from tests.support.playing import evaluate_batch
+from tests.support.scene_files import SCENES
 
-SCENES = sorted((Path(__file__).parent / "scenes").glob("*.yaml"))
 BESIDE = [(0, 0, 0.15), (0, 0.3, 0), (0, -0.3, 0), (-0.2, 0, 0)]  # m
 
 

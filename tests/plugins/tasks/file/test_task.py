@@ -29,9 +29,9 @@ from plugins.tasks.file.task import FileTask
 from plugins.tasks.file.tree import Tree
 from plugins.vlms.context.bodies_table import bodies_table
 from plugins.vlms.context.excerpts import helpers, task_source
-from tests.plugins.tasks.file.test_mistakes import GOOD, HERE
 from tests.support.engines import every_simulator, simulator
 from tests.support.panda import on_panda
+from tests.support.scene_files import FOLDER, OPEN_DOOR, task_of
 
 ROOT = Path(__file__).parents[4]
 SCENES = ROOT / "tasks/scenes"
@@ -44,11 +44,6 @@ URDF = """<robot name="lever"><link name="base"/><link name="arm"><inertial><mas
 @pytest.fixture(scope="module")
 def scaffold(tmp_path_factory):
     return str(write_scene("PushBlock", tmp_path_factory.mktemp("scene") / "push.yaml"))
-
-
-def task_of(folder, text, variation="none"):
-    (folder / "scene.yaml").write_text(text)
-    return FileTask(str(folder / "scene.yaml"), variation)
 
 
 def test_the_scaffold_keeps_the_rules_for_tasks(scaffold):
@@ -94,7 +89,7 @@ def test_the_json_schema_fits_what_is_read(scaffold):
     assert {key for key in keys if f"`{key}" not in page} == set()
     for kind in schema["$defs"].values():
         assert all(found["description"] for found in kind["properties"].values())
-    for file in (scaffold, HERE / "open_door.yaml", *SCENES.glob("*.yaml")):
+    for file in (scaffold, FOLDER / "open_door.yaml", *SCENES.glob("*.yaml")):
         data = Tree.read(Path(file))[1].data
         assert [error.message for error in validator.iter_errors(data)] == []
         assert list(validator.iter_errors({**data, "bodys": []}))
@@ -124,7 +119,7 @@ def test_a_model_is_shown_the_file(scaffold, tmp_path):
     assert "variations:" not in usual
     assert usual.rstrip().endswith("# of the end-effector, at the start")
     assert "\nhome: {" in task_source(
-        task_of(tmp_path, GOOD + "home: {position: [0.5, 0, 0.5]}\n")
+        task_of(tmp_path, OPEN_DOOR + "home: {position: [0.5, 0, 0.5]}\n")
     )
     assert helpers(FileTask(scaffold)) == ""
 
@@ -142,7 +137,9 @@ def test_workers_make_the_same_task(scaffold):
 
 
 def test_a_drawn_start_moves_what_hangs_from_the_joint(tmp_path):
-    usual, near = (task_of(tmp_path, GOOD, name).scene(4) for name in ("none", "near"))
+    usual, near = (
+        task_of(tmp_path, OPEN_DOOR, name).scene(4) for name in ("none", "near")
+    )
     (joint,) = near.joints
     assert 0 < joint.start <= 0.2
     assert near.state().joint("hinge").position == pytest.approx(joint.start)
@@ -153,7 +150,7 @@ def test_a_drawn_start_moves_what_hangs_from_the_joint(tmp_path):
 
 
 def test_a_body_may_be_of_parts_with_a_density(tmp_path):
-    door = task_of(tmp_path, GOOD).scene(0)["door"]
+    door = task_of(tmp_path, OPEN_DOOR).scene(0)["door"]
     assert [type(geom.shape).__name__ for geom in door.collisions] == ["Box", "Sphere"]
     assert door.mass == pytest.approx(
         600 * sum(geom.shape.volume for geom in door.collisions)
@@ -163,7 +160,9 @@ def test_a_body_may_be_of_parts_with_a_density(tmp_path):
 
 def test_a_body_may_be_a_mesh(tmp_path):
     trimesh.creation.box((40, 20, 10)).export(tmp_path / "brick.stl")
-    text = GOOD.replace("sphere: {radius: 0.04}", "file: brick.stl\n    scale: 0.001")
+    text = OPEN_DOOR.replace(
+        "sphere: {radius: 0.04}", "file: brick.stl\n    scale: 0.001"
+    )
     body = task_of(tmp_path, text.replace("mass: 0.2", "density: 1000")).scene(0)[
         "ball"
     ]
@@ -197,7 +196,9 @@ def test_what_is_elastic_is_soft(tmp_path):
         task, 0
     )
     trimesh.creation.icosphere(radius=40).export(tmp_path / "ball.stl")
-    mesh = GOOD.replace("sphere: {radius: 0.04}", "file: ball.stl\n    scale: 0.001")
+    mesh = OPEN_DOOR.replace(
+        "sphere: {radius: 0.04}", "file: ball.stl\n    scale: 0.001"
+    )
     mesh = mesh.replace(
         "mass: 0.2\n    velocity: [0.1, 0, 0]", f"{elastic}\n    counts: [4, 4, 4]"
     )
@@ -212,7 +213,8 @@ def test_a_urdf_brings_bodies_and_joints(tmp_path):
     (tmp_path / "lever.urdf").write_text(URDF)
     found = "\nimports:\n  - {file: lever.urdf, prefix: a_, position: [0.3, 0.4, 0.5], rpy_deg: [0, 0, 90]}\n"
     task = task_of(
-        tmp_path, GOOD.replace("joint: hinge, to: 1.2", "joint: a_pin, to: 0.9") + found
+        tmp_path,
+        OPEN_DOOR.replace("joint: hinge, to: 1.2", "joint: a_pin, to: 0.9") + found,
     )
     scene = task.scene(0)
     assert scene["a_arm"].collisions[0].shape == Box((0.1, 0.1, 0.1))
@@ -222,7 +224,7 @@ def test_a_urdf_brings_bodies_and_joints(tmp_path):
 
 def test_what_is_left_out_of_a_file_is_reported_once(tmp_path, caplog):
     (tmp_path / "lever.urdf").write_text(URDF.replace("</robot>", "<gazebo/></robot>"))
-    text = GOOD + "\nimports:\n  - {file: lever.urdf, position: [0.3, 0.4, 0.5]}\n"
+    text = OPEN_DOOR + "\nimports:\n  - {file: lever.urdf, position: [0.3, 0.4, 0.5]}\n"
     task_of(tmp_path, text)
     task_of(tmp_path, text)
     lines = [record.getMessage() for record in caplog.records]
@@ -231,7 +233,7 @@ def test_what_is_left_out_of_a_file_is_reported_once(tmp_path, caplog):
 
 def test_files_are_read_once(tmp_path):
     trimesh.creation.box((0.04, 0.02, 0.01)).export(tmp_path / "brick.stl")
-    text = GOOD.replace("sphere: {radius: 0.04}", "file: brick.stl")
+    text = OPEN_DOOR.replace("sphere: {radius: 0.04}", "file: brick.stl")
     task = task_of(tmp_path, text, "near")
     (tmp_path / "brick.stl").unlink()
     assert task.scene(3)["ball"].mass == 0.2

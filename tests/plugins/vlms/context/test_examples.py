@@ -7,7 +7,7 @@ from core.errors import UserError
 from core.search.assignment import Team
 from core.search.builder import equip
 from tests.core.run_folders import hook, write_run
-from tests.core.search.test_designer import Canned, designer, good
+from tests.support.designers import Canned, designer, good
 
 
 def ask(examples, **settings):

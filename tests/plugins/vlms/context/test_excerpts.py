@@ -7,8 +7,8 @@ from core.plugins import installed
 from core.scene import Body
 from plugins.new.new_command import write_scene
 from plugins.vlms.context.excerpts import class_source, helpers, task_source
-from tests.plugins.tasks.file.test_task import task_of
 from tests.support.faults import Slide
+from tests.support.scene_files import task_of
 
 
 def test_a_class_keeps_its_docstring_and_its_fields():
@@ -51,7 +51,7 @@ double = lambda x: 2 * x
 PULL = """
 from functools import cache
 from toy_pack.shapes import bracket, double, wedge
-from tests.core.designs.test_composer import PushCube
+from tests.support.briefs import PushCube
 
 class Pull(PushCube):
     pass

@@ -4,8 +4,8 @@ import pytest
 
 from core.plugins import installed
 from plugins.vlms.context.facts import sheet
+from tests.support.commands import python_m
 from tests.support.panda import PANDA
-from tests.test_commands import call
 
 
 def test_every_figure_has_a_row():
@@ -32,6 +32,6 @@ def test_of_an_arm_that_was_not_measured_there_is_the_rest():
 
 @pytest.mark.slow
 def test_the_command_shows_the_stored_figures(tmp_path):
-    done = call(tmp_path, "facts")
+    done = python_m(tmp_path, "core", "facts")
     assert done.returncode == 0, done.stderr
     assert done.stdout == sheet(PANDA)

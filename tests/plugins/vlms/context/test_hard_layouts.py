@@ -15,7 +15,7 @@ from core.values.observations import Sight
 from plugins.vlms.context.causes import cause_lines
 from plugins.vlms.context.hard_layouts import find_hard_layouts
 from plugins.vlms.context.sight import Hidden
-from tests.core.designs.test_composer import make_brief, make_elite
+from tests.support.briefs import make_brief, make_elite
 
 WIDE = PluginPart("task", "BringCube", (("variation", "wide"),)).shared()
 NEAR = [n for n in range(300) if WIDE.draw(n)("cube.x", 0) < 0.88]

@@ -18,7 +18,7 @@ from plugins.vlms.context.lessons import (
     read_lessons,
 )
 from tasks.bring_cube import BringCube
-from tests.core.search.test_designer import Canned, Listener, designer, good
+from tests.support.designers import Canned, Listener, designer, good
 from tests.support.panda import on_panda
 
 HOOK = "Come from above, behind the cube, and pull it back at less than 0.1 m/s."

@@ -25,8 +25,8 @@ from plugins.vlms.offline.search import NothingSuits
 from plugins.vlms.offline.vary import cross, mutate, mutate_mount
 from plugins.vlms.offline.wants import list_unheeded
 from plugins.vlms.offline.ways import WAYS
-from tests.plugins.vlms.offline.test_ways import CUBE, NEARER, TURNED
 from tests.plugins.vlms.offline.trying import make_brief, read_task
+from tests.support.errands import CUBE, NEARER, TURNED
 from tests.support.panda import on_panda
 
 BALL = """

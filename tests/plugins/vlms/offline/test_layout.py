@@ -12,8 +12,8 @@ from plugins.vlms.offline.faults import Faults
 from plugins.vlms.offline.layout import Layout
 from plugins.vlms.offline.reach import measure_reach
 from plugins.vlms.offline.search import Search
-from tests.plugins.vlms.offline.test_ways import CUBE, NEARER
 from tests.plugins.vlms.offline.trying import make_brief, read_task
+from tests.support.errands import CUBE, NEARER
 
 TALL = """
   - {name: tower, box: [0.1, 0.1, 0.4], position: [-0.5, 0, 0.2], fixed: true}

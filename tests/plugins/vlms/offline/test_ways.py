@@ -16,11 +16,9 @@ from plugins.vlms.offline.recipe import Mount, Recipe
 from plugins.vlms.offline.search import Search
 from plugins.vlms.offline.ways import WAYS
 from tests.plugins.vlms.offline.trying import earn, list_ways, make_brief, read_task
+from tests.support.errands import CUBE, NEARER, TURNED
 from tests.support.panda import on_panda
 
-CUBE = """
-  - {name: cube, box: [0.06, 0.06, 0.06], position: [0.6, 0, 0.03], mass: 0.2}
-"""
 CARDS = "\n" + "".join(
     f"  - {{name: card_{x}_{y}, box: [0.03, 0.03, 0.03], position: [0.{x}, {y / 10}, 0.015], mass: 0.01}}\n"
     for x in (5, 6, 7)
@@ -41,9 +39,6 @@ BESIDE_STAND = f"""{CUBE}
 """
 WALLED = f"""{CUBE}
   - {{name: wall, box: [0.02, 0.5, 0.2], position: [0.5, 0, 0.1], fixed: true}}
-"""
-NEARER = """
-  - {bodies: ["*"], place: [0.4, 0, null], tolerance: 0.02}
 """
 ON_STAND = """
   - {bodies: [cube], at: stand, place: [0, 0, 0.08], tolerance: 0.02, released: true}
@@ -77,9 +72,6 @@ TWO = """
 """
 OVER_PLATE = """
   - {bodies: [left, right], at: plate, place: [0, 0, 0.3], tolerance: 0.2}
-"""
-TURNED = """
-  - {bodies: ["*"], turned_deg: 90}
 """
 
 

@@ -17,8 +17,8 @@ from plugins.tasks.file.bench.photographs import Photograph
 from plugins.tasks.file.bench.scene_replies import Beside, Sighting, read_reply
 from plugins.tasks.file.bench.views import CameraError, View
 from plugins.tasks.file.task import FileTask
-from tests.plugins.tasks.file.bench.test_truth import true_task
 from tests.support.panda import on_panda
+from tests.support.scene_files import true_task
 
 REPLY = Path(__file__).parent / "replies/RollToStripe.md"
 SIZE = (1280, 960)

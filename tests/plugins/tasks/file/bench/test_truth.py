@@ -9,18 +9,16 @@ import numpy as np
 import pytest
 import yaml
 
-from core.config.compose import load, task_part
 from core.interfaces import Picture
 from core.scene import Camera
-from plugins.commands.render import RenderConfig
 from plugins.tasks.file.bench.board import find_by_board
 from plugins.tasks.file.bench.drafts import Draft
 from plugins.tasks.file.bench.photographs import Photograph, read_photographs
 from plugins.tasks.file.bench.scene_command import main
 from plugins.tasks.file.bench.scene_replies import read_reply
 from plugins.tasks.file.bench.views import CameraError, View
-from plugins.tasks.file.task import FileTask
 from tests.support.panda import on_panda
+from tests.support.scene_files import true_task
 
 HERE = Path(__file__).parent
 SIZE = (1280, 960)
@@ -47,13 +45,6 @@ def examine(folder, name, reply, error=MEASURED):
     draft.text, draft.beside = read_reply(draft.file, text)
     draft.examine()
     return draft
-
-
-def true_task(name):
-    file = HERE / f"truth/{name}.yaml"
-    if file.exists():
-        return FileTask(str(file))
-    return task_part(load("render", [f"task={name}"], RenderConfig)).create()
 
 
 def box_of(body):

@@ -8,39 +8,13 @@ from hypothesis import strategies as st
 from core.errors import UserError
 from core.scene import Scene
 from plugins.tasks.file.imports import read_bodies
-
-BOX = '<collision><geometry><box size="0.1 0.2 0.3"/></geometry></collision>'
-
-
-def link(name, inside=BOX, mass=2.0):
-    return f'<link name="{name}"><inertial><mass value="{mass}"/></inertial>{inside}</link>'
-
-
-def joint(name, kind, parent, child, inside=""):
-    ends = f'<parent link="{parent}"/><child link="{child}"/>'
-    return f'<joint name="{name}" type="{kind}">{ends}{inside}</joint>'
+from tests.support.cabinets import BOX, cabinet, joint, link, mesh
 
 
 def read(folder, text, **options):
     file = folder / "model.urdf"
     file.write_text(f'<robot name="model">{text}</robot>')
     return read_bodies(file, **options)
-
-
-def cabinet(
-    limit='<limit lower="0" upper="0.3" effort="1" velocity="1"/>',
-    kind="prismatic",
-    more="",
-):
-    handle = '<origin xyz="0.2 0 0"/>'
-    parts = [
-        link("case"),
-        link("drawer"),
-        link("handle", mass=0.5),
-        joint("glue", "fixed", "drawer", "handle", handle),
-    ]
-    inside = f'<origin xyz="0 0 0.5" rpy="0 0 1.5707963267948966"/><axis xyz="1 0 0"/>{limit}{more}'
-    return "".join([*parts, joint("rail", kind, "case", "drawer", inside)])
 
 
 def test_links_that_are_rigidly_joined_are_one_body_on_its_joint(tmp_path):
@@ -105,12 +79,6 @@ def test_what_is_left_out_or_changed_is_said(tmp_path, text, note):
     made = read(tmp_path, text)
     assert any(note in line for line in made.notes), made.notes
     Scene(made.bodies, made.joints)
-
-
-def mesh(name, tag="collision"):
-    return (
-        f'<{tag}><geometry><mesh filename="{name}" scale="2 2 2"/></geometry></{tag}>'
-    )
 
 
 def test_meshes_of_its_folder_are_read(tmp_path):
