@@ -35,7 +35,6 @@ from core.trial import (
 from core.values.jobs import (
     Ability as Ability,
     Block as Block,
-    Ending as Ending,
     Feel as Feel,
     Felt as Felt,
     Looked as Looked,
@@ -102,8 +101,8 @@ class Rollout:
     It spawns the ``scene`` (None: the task's layout of ``seed``), and the robot with ``tool`` at the trajectory's first
     targets. It lets ``settle_s`` pass, notes the start state, plays the trajectory, holds the last targets for
     ``hold_s``, and notes the end state. With ``record_hz`` > 0 all of it is recorded at that rate, and with ``forces``
-    contact forces too. ``reactions`` change the trajectory on the way, and ``ending`` may end it before its
-    time. There are ``steps_hz`` steps a second or more. What not every engine can do is an `Ability`.
+    contact forces too. ``reactions`` change the trajectory on the way. There are ``steps_hz`` steps a second or more.
+    What not every engine can do is an `Ability`.
     """
 
     tool: Tool
@@ -114,7 +113,7 @@ class Rollout:
     record_hz: float = 0.0
     forces: bool = False
     reactions: Reactions | None = None
-    ending: Ending | None = None
+
     scene: Scene | None = None
     steps_hz: float = 0.0
 

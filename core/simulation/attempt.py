@@ -28,7 +28,6 @@ from core.robot.trajectory import plan_task_motion
 from core.scene import Scene
 from core.simulation.engines import check_support
 from core.simulation.looking import Lookout
-from core.simulation.stopping import Stop, can_stop
 from core.solids.contacts import Contacts
 from core.solids.penetration import Finding
 from core.solids.record_rate import MAX_HZ
@@ -94,10 +93,6 @@ def prepare(
         )
         reactions = call_part(plan, "make_reactions", Reactions, planned)
 
-    ending = None
-    if settings.stop_s > 0 and can_stop(task, scene):
-        ending = Stop(task, scene, tool, settings.stop_s)
-
     job = Rollout(
         tool,
         motion.trajectory,
@@ -106,7 +101,6 @@ def prepare(
         max(settings.hold_s, task.hold_s),
         record_hz,
         reactions=reactions,
-        ending=ending,
         scene=scene,
     )
     return motion, job

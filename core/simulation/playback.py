@@ -29,7 +29,7 @@ from core.interfaces import (
     Worlds,
 )
 from core.scene import State
-from core.values.jobs import FEEL_S, STOP_S
+from core.values.jobs import FEEL_S
 
 MEASURE_EVERY = 10  # steps between two measurements of the arm's lag and torques
 _SAME_S = 1e-9  # between instants that are the same but for rounding
@@ -55,19 +55,15 @@ class Schedule:
     Args:
         job: what is played.
         time_step: of the engine, seconds.
-        count: how many steps there are, where the job ends before its time; None: all.
     """
 
-    def __init__(
-        self, job: Rollout, time_step: float, count: int | None = None
-    ) -> None:
+    def __init__(self, job: Rollout, time_step: float) -> None:
         self.job = job
         self.time_step = time_step
         self.settle = round(job.settle_s / time_step)
         moving = int(np.ceil(job.trajectory.duration / time_step))
         self.count = self.settle + moving + round(job.hold_s / time_step)
-        if count is not None:
-            self.count = count
+
         steps = np.arange(-self.settle, self.count - self.settle, dtype=np.float64)
         begins = steps * time_step
         self.ends: Array = begins + time_step
@@ -137,11 +133,7 @@ class Player:
         self.done = 0
         self.error: str | None = None
         self._ahead = ahead
-        self._asks_at = math.inf
-        if job.ending is not None:
-            self._asks_at = STOP_S
-        self._solved_at = math.inf
-        self._stopped_at: float | None = None
+
         self._torques: Array | None = None
         self._notes: dict[int, Any] = {}  # by the number of steps that are done
 
@@ -173,7 +165,7 @@ class Player:
         if self.error is not None:
             return schedule.block(self.done, self.done)
 
-        left = schedule.find_step(self._asks_at) - self.done
+        left = schedule.count - self.done
         reactions = schedule.job.reactions
         if reactions is None:
             return schedule.block(self.done, self.done + left)
@@ -241,8 +233,6 @@ class Player:
         reactions = self.schedule.job.reactions
         if reactions is None or self.error is not None:
             return False
-        if self._stopped_at is not None:
-            return False
         if reactions.looks_at == math.inf:
             return False
         if self.schedule.find_step(reactions.looks_at) > self.done:
@@ -255,39 +245,6 @@ class Player:
             self._change(changed)
 
         return True
-
-    @property
-    def asks(self) -> bool:
-        """Whether it is time to ask whether the world is solved."""
-        schedule = self.schedule
-        due = schedule.find_step(self._asks_at)
-        return self.error is None and due == self.done < schedule.count
-
-    def stop_if_solved(self, worlds: Worlds, number: int, note: Any) -> None:
-        """End the job here, if its world has been solved for long enough.
-
-        Args:
-            worlds: one of them is that of the job, as it is after the steps that are done.
-            number: of that world.
-            note: of that world.
-        """
-        schedule = self.schedule
-        ending = schedule.job.ending
-        assert ending is not None
-
-        now = float(schedule.instants[self.done])
-        self._asks_at = now + STOP_S
-        notes = [self._notes[schedule.settle], note]
-        arm, fingers, states = worlds.read(number, notes)
-        if not ending.is_solved(states[0], arm[1], fingers[1], states[1]):
-            self._solved_at = math.inf
-            return
-
-        self._solved_at = min(self._solved_at, now)
-        if now - self._solved_at >= ending.stop_s - _SAME_S:
-            self._notes[self.done] = note
-            self._stopped_at = now
-            self.schedule = Schedule(schedule.job, schedule.time_step, self.done)
 
     def add_torques(self, passed: Passed) -> None:
         """Take the greatest torques of steps of the motion that did happen."""
@@ -342,7 +299,6 @@ class Player:
             recording=recording,
             felt=reactions.felt if reactions else (),
             looked=reactions.looked if reactions else (),
-            stopped_s=self._stopped_at,
             torques=self._torques,
             time_step=schedule.time_step,
         )
@@ -438,21 +394,6 @@ def play(world: World, job: Rollout) -> Outcome:
     return outcome
 
 
-def _look_and_stop(worlds: Worlds, players: Sequence[Player]) -> None:
-    """Let plans look at their worlds, and end the jobs whose worlds are solved, where it is time to."""
-    for number, player in enumerate(players):
-        while player.look(worlds, number):
-            pass
-
-    if not any(player.asks for player in players):
-        return
-
-    notes = worlds.note()
-    for number, player in enumerate(players):
-        if player.asks:
-            player.stop_if_solved(worlds, number, notes[number])
-
-
 def play_together(worlds: Worlds, jobs: Sequence[Rollout]) -> list[Outcome]:
     """Play a job in each world. This is the loop that all engines are played by.
 
@@ -475,7 +416,10 @@ def play_together(worlds: Worlds, jobs: Sequence[Rollout]) -> list[Outcome]:
         player.begin(first, passed, now)
 
     while True:
-        _look_and_stop(worlds, players)
+        for number, player in enumerate(players):
+            while player.look(worlds, number):
+                pass
+
         blocks = [player.next_block() for player in players]
         if not any(len(block) for block in blocks):
             break

@@ -135,24 +135,6 @@ class Reactions(Protocol):
         """
 
 
-class Ending(Protocol):
-    """Says when a rollout may end before its time: once its world has been solved for ``stop_s`` seconds."""
-
-    stop_s: float
-
-    def is_solved(self, start: State, arm: Array, fingers: Array, state: State) -> bool:
-        """Report whether nothing is left to do.
-
-        Args:
-            start: the free bodies at the start of the motion.
-            arm: the joints (J,).
-            fingers: those of the fingers, and of the tool (F + K,).
-            state: the free bodies now.
-        """
-
-
-STOP_S = 0.25  # between two looks whether a world is solved
-
 FEEL_S = 0.01  # between two readings
 
 
@@ -248,8 +230,7 @@ class RolloutSettings:
     warning. With ``ignore`` nothing is checked. A plan that drives the arm through itself or the tool through the arm
     (`core.solids.self_collision`) is rejected with ``forbid``, and adds a warning with ``warn``. A trial of a rollout
     that was checked and earns nothing holds an observation (`Observation`), with ``observe`` each trial.
-    Plans that look see the scene with the noise of ``perception``, and guards feel by ``feel``. With ``stop_s`` above 0
-    a rollout ends once its task has been solved for so long, with all at rest and the arm away; 0: it never ends early.
+    Plans that look see the scene with the noise of ``perception``, and guards feel by ``feel``.
     """
 
     segment_s: float = 0.5
@@ -257,7 +238,7 @@ class RolloutSettings:
     hold_s: float = 1.0
     speed: float = 0.95
     max_motion_s: float = 120.0
-    stop_s: float = 0.0
+
     penetration: Harmless[str] = "forbid"
     observe: bool = False
     perception: Perception = field(default_factory=Perception)
@@ -272,7 +253,6 @@ class RolloutSettings:
         )
         _check_range("settle_s", self.settle_s, 60, " seconds")
         _check_range("hold_s", self.hold_s, 60, " seconds")
-        _check_range("stop_s", self.stop_s, 60, " seconds")
 
         if self.speed > 1:
             raise UsageError(
@@ -328,9 +308,8 @@ class Outcome:
 
     ``tracking_error_rad`` is the largest lag of an arm joint behind its target. ``error`` says why the rollout failed;
     then the states are None. ``felt``: how guards ended. ``looked``: what looks found out. ``torques`` (J,): the
-    greatest that the arm's motors applied in a step of the motion, N m; None: the engine does not say. ``stopped_s``:
-    when the rollout ended before its time, seconds of the motion; None: it did not. ``time_step``: of the engine,
-    seconds; 0: it does not say.
+    greatest that the arm's motors applied in a step of the motion, N m; None: the engine does not say. ``time_step``:
+    of the engine, seconds; 0: it does not say.
     """
 
     start: State | None
@@ -341,7 +320,7 @@ class Outcome:
     warnings: tuple[str, ...] = ()
     felt: tuple[Felt, ...] = ()
     looked: tuple[Looked, ...] = ()
-    stopped_s: float | None = None
+
     torques: Array | None = None
     time_step: float = 0.0
 
