@@ -19,8 +19,6 @@ from core.geometry import Array, Pose
 from core.robot.description import assemble, joint_name
 from core.values.robots import Robot
 
-_LONGEST_SLIDE_M = 10.0  # of a joint without limits
-
 
 class RobotModel:
     """The kinematic model of an arm with what its tool adds: the gripper, and the tool's own joints.
@@ -68,23 +66,6 @@ class RobotModel:
         links = [np.linalg.norm(pose.position) for _, pose in self.links.values()]
 
         return chain + float(max(links))
-
-    @cached_property
-    def spans(self) -> list[float]:
-        """How far each joint's frame can be from that of the joint before it, metres; the world's is 0."""
-        spans = []
-        for joint, placement in zip(
-            self.model.joints, self.model.jointPlacements, strict=True
-        ):
-            span = float(np.linalg.norm(placement.translation))
-            if "JointModelP" in joint.shortname():  # it slides
-                lower = self.model.lowerPositionLimit[joint.idx_q]
-                upper = self.model.upperPositionLimit[joint.idx_q]
-                span += min(max(abs(lower), abs(upper)), _LONGEST_SLIDE_M)
-
-            spans.append(span)
-
-        return spans
 
     def order(self, arm: Array, fingers: Array) -> Array:
         """Order joints as the model has them.

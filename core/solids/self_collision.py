@@ -7,11 +7,10 @@ docs/physics_explained.md.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -40,9 +39,6 @@ _APART_ON_FLANGE = 2
 
 STEP = 0.02  # between two looks: what all joints turn (rad) or slide (m, times `_PER_METRE`) in sum
 _PER_METRE = 20.0
-# A look with a margin answers for so many looks before it and after it. Most of the time the arm's parts are so far
-# apart that looks of the last kind do; with wider ones, too many pairs would have to be measured.
-_HALVES = (0, 2, 4)
 
 
 @dataclass(frozen=True)
@@ -112,68 +108,22 @@ class SolidPairs:
             self._geometry.addCollisionPair(pin.CollisionPair(*pair))
 
         self._data = pin.GeometryData(self._geometry)
-        levers = self._bound_levers(limits)
-        self._near = []
-        for half in _HALVES:
-            margins = half * STEP * levers - self.deep
-            self._near.append(self._compare_boxes(margins.tolist()))
+        for request, deep in zip(
+            self._data.collisionRequests, self.deep.tolist(), strict=True
+        ):
+            request.security_margin = -deep
 
-    def _compare_boxes(self, margins: Sequence[float]) -> Any:
-        """Make what measures only pairs whose boxes are nearer than a margin for each of them, metres."""
-        data = pin.GeometryData(self._geometry)
-        for request, margin in zip(data.collisionRequests, margins, strict=True):
-            request.security_margin = margin
-
-        return pin.BroadPhaseManager_NaiveCollisionManager(
-            self._robot.model, self._geometry, data
+        # It measures only pairs whose boxes overlap.
+        self._near = pin.BroadPhaseManager_NaiveCollisionManager(
+            robot.model, self._geometry, self._data
         )
 
-    def _bound_levers(self, pairs: Iterable[tuple[int, int]]) -> Array:
-        """Bound how far two solids move against each other while joints move by 1 in sum (see `STEP`), metres.
-
-        That is how far a point of one can be from a joint between the two.
-        """
-        solids = self._geometry.geometryObjects
-        reaches = [_measure_reach(solid) for solid in solids]
-        supports = [self._robot.supports[solid.parentJoint] for solid in solids]
-        spans = self._robot.spans
-        levers = []
-
-        for first, second in pairs:
-            before = supports[first]
-            others = supports[second]
-            between = sorted(before ^ others)
-            slides = len(between) / _PER_METRE
-            if before <= others or others <= before:
-                between = between[1:]  # the way to the first joint is none from it
-
-            chain = sum(spans[joint] for joint in between)
-            levers.append(max(chain + max(reaches[first], reaches[second]), slides))
-
-        return np.array(levers)
-
     def find_first(self, looks: Array) -> int | None:
-        """Find the first of looks (L, Q), `STEP` apart, at which two are deeper in each other than is allowed."""
-        last = len(looks) - 1
-        begin = 0
-        level = len(_HALVES) - 1
-
-        while begin <= last:
-            middle = min(begin + _HALVES[level], last)
-            met = pin.computeCollisions(
-                self._robot.model,
-                self._robot.data,
-                self._near[level],
-                looks[middle],
-                True,
-            )
-            if not met:
-                begin = middle + _HALVES[level] + 1
-                level = min(level + 1, len(_HALVES) - 1)
-            elif level > 0:
-                level -= 1
-            else:
-                return begin
+        """Find the first of looks (L, Q) at which two are deeper in each other than is allowed."""
+        robot = self._robot
+        for number, joints in enumerate(looks):
+            if pin.computeCollisions(robot.model, robot.data, self._near, joints, True):
+                return number
 
         return None
 
@@ -183,14 +133,6 @@ class SolidPairs:
             self._robot.model, self._robot.data, self._geometry, self._data, joints
         )
         return np.array([-result.min_distance for result in self._data.distanceResults])
-
-
-def _measure_reach(solid: Any) -> float:
-    """Measure how far points of one of Pinocchio's solids are from its joint, at most, metres."""
-    geometry = solid.geometry
-    geometry.computeLocalAABB()
-    middle = solid.placement.act(geometry.aabb_center)
-    return float(np.linalg.norm(middle)) + float(geometry.aabb_radius)
 
 
 def find_self_collision(
