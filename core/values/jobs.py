@@ -6,7 +6,7 @@ Plugins import all of it from `core.interfaces`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
@@ -469,9 +469,8 @@ class World(ABC):
     """An engine's world with a scene and the robot, which `core.simulation.playback` plays a job in.
 
     An engine says how its world steps, and how joints and bodies stand: `step`, `joints` and `state`. It says more if
-    it can do more (`launch`, `pushes`, `contact_forces`, `note_torques`), or faster (`note` with `read`, `orders`
-    with `obey`, `settle`, `advance`, and `save` with `restore`). What it can't do it leaves out of
-    `Simulator.supports`.
+    it can do more (`launch`, `pushes`, `contact_forces`, `note_torques`), or faster (`note` with `read`, `settle`,
+    `advance`, and `save` with `restore`). What it can't do it leaves out of `Simulator.supports`.
 
     Attributes:
         time_step: seconds.
@@ -521,8 +520,8 @@ class World(ABC):
         measures = frozenset(block.measures)
         looked = marks.union(block.readings)
 
-        for done, order in enumerate(self.orders(block), start=1):
-            self.obey(order)
+        for done, order in enumerate(block.orders, start=1):
+            self.step(*order)
             if done not in looked:
                 continue
 
@@ -538,14 +537,6 @@ class World(ABC):
             greatest = np.abs(self.read_torques(torques)).max(axis=0)
 
         return Passed(notes, readings, greatest)
-
-    def orders(self, block: Block) -> Iterable[Any]:
-        """Return what `obey` takes, for each step of a block: by default what `step` takes."""
-        return block.orders
-
-    def obey(self, order: Any) -> None:
-        """Take the step that one of the `orders` is for."""
-        self.step(*order)
 
     def save(self) -> None:
         """Remember how the world is now."""

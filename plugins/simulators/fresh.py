@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import tempfile
-from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-import numpy as np
-
 from core.errors import check_positive
 from core.geometry import Array
-from core.interfaces import Ability, Block, Pushes, Robot, Rollout, World
+from core.interfaces import Ability, Pushes, Robot, Rollout, World
 from core.scene import Scene, State
 from core.simulation.engines import SteppingSimulator
 from core.support.scratch import scratch
@@ -22,35 +20,6 @@ from plugins.simulators.forces import Impulses, Totals
 from plugins.simulators.step_lengths import check_time_step, choose_step
 
 Prepared = TypeVar("Prepared")
-
-
-class Arm(ABC):
-    """The arm with a tool in a world that is stepped."""
-
-    @abstractmethod
-    def lead(
-        self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array
-    ) -> Iterable[Any]:
-        """Compute what `drive` takes, for S steps.
-
-        Args:
-            arm: targets (S, J), radians.
-            fingers: each finger's distance from the middle (S,), metres.
-            speeds: of the arm's targets (S, J).
-            finger_speeds: of the fingers' (S,).
-        """
-
-    @abstractmethod
-    def drive(self, order: Any) -> None:
-        """Set what drives the joints for the next step."""
-
-    @abstractmethod
-    def launch(self) -> None:
-        """Let the tool's joints go."""
-
-    @abstractmethod
-    def note_torques(self) -> Any:
-        """Note what the arm's motors applied in the last step."""
 
 
 _Note = tuple[Any, Totals | None, int]
@@ -64,34 +33,13 @@ class FreshWorld(World):
     """A world with one job's robot and scene.
 
     Attributes:
-        arm: the robot's.
         impulses: sums up those of contacts; None: they are not asked for.
         bonds: those of the scene; None: it has none.
     """
 
-    arm: Arm
     impulses: Impulses | None = None
     bonds: Bonds | None = None
     tells_torques = True
-
-    def step(
-        self,
-        arm: Sequence[float],
-        fingers: float,
-        speeds: Sequence[float],
-        finger_speed: float,
-    ) -> None:
-        targets = (arm, fingers, speeds, finger_speed)
-        (order,) = self.arm.lead(*(np.array([target]) for target in targets))
-        self.obey(order)
-
-    def orders(self, block: Block) -> Iterable[Any]:
-        return self.arm.lead(
-            block.arm[1:], block.fingers[1:], block.speeds, block.finger_speeds
-        )
-
-    def note_torques(self) -> Any:
-        return self.arm.note_torques()
 
     @abstractmethod
     def snapshot(self) -> Any:

@@ -7,7 +7,6 @@ ends some hundredths of a second later. So what is pushed comes to lie a little 
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import replace
 from itertools import zip_longest
 
 from core.design import Candidate
@@ -55,7 +54,6 @@ def _play_as_searched(
         condition.settings,
         scene=scene,
     )
-    job = replace(job, ending=None)
     condition.sim.shared().rollout(condition.task.shared(), [job])
     assert job.reactions is not None
     return job.reactions

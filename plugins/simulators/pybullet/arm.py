@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,6 @@ from core.design import Tool, ToolJoint
 from core.geometry import Array
 from core.interfaces import JointTrajectory, Robot
 from core.robot.description import beyond, joint_name
-from plugins.simulators.fresh import Arm
 from plugins.simulators.links import bearers, friction_of
 from plugins.simulators.pybullet.engine import Client, read_rows
 from plugins.simulators.pybullet.engine import pybullet as p
@@ -21,11 +20,8 @@ from plugins.simulators.pybullet.robot import driven_links, joint_numbers, load_
 
 _HELD = 1e4  # N m or N, of a motor that holds a joint of the tool
 
-Orders = tuple[list[float], list[float]]
-"""The targets of all motors, and the speeds of these."""
 
-
-class ArticulatedArm(Arm):
+class ArticulatedArm:
     """The arm with a tool in a world, its joints at a trajectory's first targets, and the tool's held.
 
     Attributes:
@@ -75,7 +71,7 @@ class ArticulatedArm(Arm):
 
         self._gains = [gain] * len(driven)
         self._velocity_gains = [1.0] * len(driven)
-        self._orders: Orders | None = None
+        self._orders: tuple[list[float], list[float]] = ([], [])
         self._states: Sequence[tuple[Any, ...]] = ()  # of the last snapshot
 
         targets = [*start.arm[0], *([start.fingers[0]] * self._fingers)]
@@ -147,20 +143,20 @@ class ArticulatedArm(Arm):
             if joint.stiffness > 0:
                 self._springs.append((number, joint))
 
-    def lead(
-        self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array
-    ) -> Iterator[Orders]:
-        """Yield what `drive` takes; one by one, since many lists would busy Python's collector."""
-        targets = np.column_stack([arm, *[fingers] * self._fingers])
-        velocities = np.column_stack([speeds, *[finger_speeds] * self._fingers])
-        listed = map(np.ndarray.tolist, targets), map(np.ndarray.tolist, velocities)
-        return zip(*listed, strict=True)
+    def drive(
+        self,
+        arm: Sequence[float],
+        fingers: float,
+        speeds: Sequence[float],
+        finger_speed: float,
+    ) -> None:
+        """Set motors and springs for the next step, see `World.step`."""
+        targets = [*arm, *[fingers] * self._fingers]
+        velocities = [*speeds, *[finger_speed] * self._fingers]
+        orders = (targets, velocities)
 
-    def drive(self, orders: Orders) -> None:
-        """Set motors and springs for the next step."""
         if orders != self._orders:  # motors keep their targets
             self._orders = orders
-            targets, velocities = orders
             p.setJointMotorControlArray(  # names would cost half a microsecond a step
                 self.number,
                 self._joints,

@@ -15,7 +15,7 @@ from core.interfaces import Robot, Rollout
 from core.scene import State
 from plugins.simulators.forces import Thing, thing_of
 from plugins.simulators.fresh import FreshWorld
-from plugins.simulators.pybullet.arm import ArticulatedArm, Orders
+from plugins.simulators.pybullet.arm import ArticulatedArm
 from plugins.simulators.pybullet.bodies import PreparedScene
 from plugins.simulators.pybullet.bonds import Bonds
 from plugins.simulators.pybullet.engine import Client
@@ -49,8 +49,6 @@ class World(FreshWorld):
         settings: of the engine.
     """
 
-    arm: ArticulatedArm
-
     def __init__(
         self,
         client: Client,
@@ -82,7 +80,7 @@ class World(FreshWorld):
 
         self._places = scene.place(client)
         self._free = [self._places[name] for name in scene.names]
-        self.arm = ArticulatedArm(
+        self._arm = ArticulatedArm(
             client,
             file,
             robot,
@@ -109,16 +107,22 @@ class World(FreshWorld):
     def _name_things(self, tool: Tool) -> dict[Place, Thing]:
         """Map all that collides to what contact forces call it."""
         things: dict[Place, Thing] = {}
-        for name, link in self.arm.links.items():
-            things[self.arm.number, link] = thing_of(tool, name)
+        for name, link in self._arm.links.items():
+            things[self._arm.number, link] = thing_of(tool, name)
 
         for name, place in self._places.items():
             things[place] = (self._scene.ranks[name], name)
 
         return things
 
-    def obey(self, order: Orders) -> None:
-        self.arm.drive(order)
+    def step(
+        self,
+        arm: Sequence[float],
+        fingers: float,
+        speeds: Sequence[float],
+        finger_speed: float,
+    ) -> None:
+        self._arm.drive(arm, fingers, speeds, finger_speed)
         if self._mechanism.acts:
             self._mechanism.drive()
 
@@ -127,7 +131,7 @@ class World(FreshWorld):
             self.end_step()
 
     def launch(self) -> None:
-        self.arm.launch()
+        self._arm.launch()
         self._mechanism.launch()
 
         for body in self._scene.launched:
@@ -141,19 +145,22 @@ class World(FreshWorld):
 
             self.client.resetBaseVelocity(number, linear.tolist(), body.spin)
 
+    def note_torques(self) -> tuple[float, ...]:
+        return self._arm.note_torques()
+
     def pushes(self) -> tuple[Array, Array]:
-        return pushes(self.client, self.arm.number, self.arm.beyond)
+        return pushes(self.client, self._arm.number, self._arm.beyond)
 
     def joints(self) -> tuple[Array, Array]:
-        arm, fingers = self.arm.read([self.arm.snapshot()])
+        arm, fingers = self._arm.read([self._arm.snapshot()])
         return arm[0], fingers[0]
 
     def snapshot(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        return self.arm.snapshot(), self._take_bodies()
+        return self._arm.snapshot(), self._take_bodies()
 
     def decode(self, snapshots: Sequence[Any]) -> tuple[Array, Array, State]:
         joints, bodies = zip(*snapshots, strict=True)
-        return *self.arm.read(joints), self._scene.read(bodies)
+        return *self._arm.read(joints), self._scene.read(bodies)
 
     def _take_bodies(self) -> tuple[float, ...]:
         """Take the numbers of all free bodies, see `PreparedScene.read`."""

@@ -14,7 +14,6 @@ from core.geometry import Array
 from core.interfaces import JointTrajectory, Robot
 from core.robot.description import joint_name
 from plugins.simulators.forces import thing_of
-from plugins.simulators.fresh import Arm
 from plugins.simulators.links import bearers, friction_of
 from plugins.simulators.sapien.bodies import weigh
 from plugins.simulators.sapien.engine import physx
@@ -56,7 +55,7 @@ def surfaces_of(robot: Robot, tool: Tool) -> set[Surface]:
     return found
 
 
-class ArticulatedArm(Arm):
+class ArticulatedArm:
     """The arm with a tool, its joints at a trajectory's first targets, and the tool's held.
 
     Args:
@@ -130,20 +129,21 @@ class ArticulatedArm(Arm):
             )
             drive.set_drive_target(joint.rest)
 
-    def lead(
-        self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array
-    ) -> list[list[float]]:
-        orders = arm + self._ahead * speeds
-        if self._gripper:
-            ahead = fingers + self._ahead * finger_speeds
-            orders = np.column_stack([orders, *[ahead] * self._fingers])
-
-        listed: list[list[float]] = orders.tolist()
-        return listed
-
-    def drive(self, orders: list[float]) -> None:
+    def drive(
+        self,
+        arm: Sequence[float],
+        fingers: float,
+        speeds: Sequence[float],
+        finger_speed: float,
+    ) -> None:
+        """Set what drives the joints for the next step, see `World.step`."""
         if self._pulled:
             self._pull()
+
+        ahead = self._ahead
+        orders = [at + ahead * speed for at, speed in zip(arm, speeds, strict=True)]
+        if self._gripper:
+            orders += [fingers + ahead * finger_speed] * self._fingers
 
         if orders == self._orders:
             self._setters[0](orders[0])  # keeps the arm awake

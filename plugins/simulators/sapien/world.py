@@ -55,7 +55,6 @@ class World(FreshWorld):
         settings: of the engine.
     """
 
-    arm: ArticulatedArm
     bonds: Bonds | None = None
     _before = (
         b""  # the snapshot before the last step; empty: there was none since the launch
@@ -96,18 +95,24 @@ class World(FreshWorld):
         # Asked once: before each step, a property would cost as much as what it asks for.
         self._acts = self._joints.move_by_themselves
         self._brakes = self._bodies.brake
-        self.arm = ArticulatedArm(setup, robot, tool, job.trajectory)
+        self._arm = ArticulatedArm(setup, robot, tool, job.trajectory)
         self._held = robot, tool
         if weighed.scene.bonds:
             self.bonds = Bonds(setup, weighed, self._bodies.components)
         if job.forces and job.record_hz > 0:
             self.impulses = Forces(self._system, weighed.scene, setup.things)
 
-        arm, _ = self.arm.read(self._bodies.behind([self._bodies.snapshot()]))
+        arm, _ = self._arm.read(self._bodies.behind([self._bodies.snapshot()]))
         check_pack(arm, job.trajectory.arm[0])
 
-    def obey(self, order: list[float]) -> None:
-        self.arm.drive(order)
+    def step(
+        self,
+        arm: Sequence[float],
+        fingers: float,
+        speeds: Sequence[float],
+        finger_speed: float,
+    ) -> None:
+        self._arm.drive(arm, fingers, speeds, finger_speed)
         if self._acts:
             self._joints.act()
 
@@ -120,8 +125,11 @@ class World(FreshWorld):
         if self.counts_steps:
             self.end_step()
 
+    def note_torques(self) -> TorqueNote:
+        return self._arm.note_torques()
+
     def read_torques(self, notes: Sequence[TorqueNote]) -> Array:
-        return self.arm.read_torques(notes)
+        return self._arm.read_torques(notes)
 
     def pushes(self) -> tuple[Array, Array]:
         return pushes(self._system, self._beyond)
@@ -137,7 +145,7 @@ class World(FreshWorld):
         return shapes
 
     def launch(self) -> None:
-        self.arm.launch()
+        self._arm.launch()
         self._bodies.launch()
         self._joints.begin()
         if self.bonds is not None:
@@ -145,7 +153,7 @@ class World(FreshWorld):
             self._before = b""
 
     def joints(self) -> tuple[Array, Array]:
-        return self.arm.joints()
+        return self._arm.joints()
 
     def snapshot(self) -> bytes:
         """Take a snapshot; where there are bonds, the one before the last step is behind it."""
@@ -154,7 +162,7 @@ class World(FreshWorld):
     def decode(self, snapshots: Sequence[bytes]) -> tuple[Array, Array, State]:
         size = len(self._bodies.snapshot())
         now = [snapshot[:size] for snapshot in snapshots]
-        arm, fingers = self.arm.read(self._bodies.behind(now))
+        arm, fingers = self._arm.read(self._bodies.behind(now))
         states = self._bodies.read(now)
         if self.bonds is None:
             return arm, fingers, states
