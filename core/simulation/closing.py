@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
@@ -72,56 +71,13 @@ def choose_closing(task: Task, scene: Scene, end: State, draw: Look) -> Camera |
 
 
 def fly(before: Camera, after: Camera, share: float) -> Camera:
-    """Return the camera on the way around from one to another; ``share`` of the way is done, 0 to 1."""
+    """Return the camera on the straight way from one to another; ``share`` of the way is done, 0 to 1."""
     eased = share * share * (3 - 2 * share)
-    target = _mix(np.array(before.target), np.array(after.target), eased)
-    first = _Stand.of(before)
-    last = _Stand.of(after)
-    # The shorter way around.
-    around = (last.around - first.around + np.pi) % (2 * np.pi) - np.pi
+    begin = np.array([*before.position, *before.target, before.fov_deg])
+    end = np.array([*after.position, *after.target, after.fov_deg])
+    *place, fov_deg = (begin + eased * (end - begin)).tolist()
 
-    place = _Stand(
-        first.around + eased * around,
-        _mix(first.height, last.height, eased),
-        _mix(first.metres, last.metres, eased),
-    ).place(target)
-
-    return Camera(
-        tuple(place.tolist()),
-        tuple(target.tolist()),
-        _mix(before.fov_deg, after.fov_deg, eased),
-    )
-
-
-@dataclass(frozen=True)
-class _Stand:
-    """Where a camera stands, as seen from its target.
-
-    Attributes:
-        around: angle about the vertical, rad.
-        height: angle above the horizontal, rad.
-        metres: how far away.
-    """
-
-    around: float
-    height: float
-    metres: float
-
-    @classmethod
-    def of(cls, camera: Camera) -> _Stand:
-        x, y, z = np.subtract(camera.position, camera.target).tolist()
-        metres = float(np.linalg.norm((x, y, z)))
-        return cls(float(np.arctan2(y, x)), float(np.arcsin(z / metres)), metres)
-
-    def place(self, target: Array) -> Array:
-        """Return the camera's position (3,)."""
-        level = np.cos(self.height)
-        way = (level * np.cos(self.around), level * np.sin(self.around))
-        return target + self.metres * np.array((*way, np.sin(self.height)))
-
-
-def _mix(before: Any, after: Any, share: float) -> Any:
-    return before + share * (after - before)
+    return Camera(tuple(place[:3]), tuple(place[3:]), fov_deg)
 
 
 def _stand(
@@ -129,8 +85,12 @@ def _stand(
 ) -> Camera:
     """Make a camera that shows a cube of the half side ``half``, m, around a point, turned from another camera."""
     metres = ROOM * half / np.tan(np.radians(FOV_DEG) / 2)
-    around = _Stand.of(camera).around + np.radians(turn_deg)
-    place = _Stand(around, float(np.radians(height_deg)), metres).place(middle)
+    x, y, _ = np.subtract(camera.position, camera.target)
+    around = np.arctan2(y, x) + np.radians(turn_deg)
+    height = np.radians(height_deg)
+    level = np.array([np.cos(around), np.sin(around), 0.0])
+    upward = np.array([0.0, 0.0, np.sin(height)])
+    place = middle + metres * (np.cos(height) * level + upward)
     return Camera(tuple(place.tolist()), tuple(middle.tolist()), FOV_DEG)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import groupby
 
@@ -220,20 +221,14 @@ def _rewards(
     Raises:
         PluginError: the task returned something else; names it.
     """
-    count = len(ends.positions)
+    shape = (len(ends.positions),)
     given = reward_of(task, starts, ends, trace)
-    try:
+    with suppress(TypeError, ValueError):
         rewards = np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        got = shorten(repr(given))
-        raise PluginError(
-            f"{describe_part(task)}: reward gave {got}; expected an array ({count},)"
-        ) from error
+        if rewards.shape == shape:
+            return rewards
 
-    if rewards.shape != (count,):
-        raise PluginError(
-            f"{describe_part(task)}: reward gave an array of shape {rewards.shape} for {count} worlds; "
-            f"expected ({count},)"
-        )
-
-    return rewards
+    got = shorten(repr(given))
+    raise PluginError(
+        f"{describe_part(task)}: reward gave {got}; expected an array {shape}"
+    )

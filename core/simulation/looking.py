@@ -194,23 +194,16 @@ def _is_blocked(eye: Array, point: Array, tracks: list[Track]) -> bool:
     if length < 2 * _EYE_M:
         return False
 
-    along = way / length
     ray = coal.Capsule(_RAY_M, length - 2 * _EYE_M)
     from trimesh.geometry import align_vectors  # trimesh takes half a second
 
-    turn = align_vectors([0.0, 0.0, 1.0], along)[:3, :3]
+    turn = align_vectors([0.0, 0.0, 1.0], way / length)[:3, :3]
     place = coal.Transform3s(turn, (eye + point) / 2)
     request = coal.CollisionRequest()
 
-    for track in tracks:
-        middle = track.middles[0] - point
-        reach = float(np.linalg.norm(track.box))
-        beside = middle - np.clip(middle @ along, 0.0, length) * along
-        if np.linalg.norm(beside) > reach:
-            continue
-
-        result = coal.CollisionResult()
-        if coal.collide(track.geometry, track.at(0), ray, place, request, result):
-            return True
-
-    return False
+    return any(
+        coal.collide(
+            track.geometry, track.at(0), ray, place, request, coal.CollisionResult()
+        )
+        for track in tracks
+    )

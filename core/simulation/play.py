@@ -144,15 +144,11 @@ def _run_engine(stage: Stage, jobs: Sequence[Rollout]) -> list[Outcome]:
     """
     simulator = stage.simulator
     outcomes = simulator.rollout(stage.task, jobs)
-    got = None
-    listed = isinstance(outcomes, list)
+    listed = isinstance(outcomes, list) and len(outcomes) == len(jobs)
+    if listed and all(isinstance(outcome, Outcome) for outcome in outcomes):
+        return outcomes
 
-    if not listed or not all(isinstance(outcome, Outcome) for outcome in outcomes):
-        got = f"{shorten(repr(outcomes))}; expected a list of Outcome"
-    elif len(outcomes) != len(jobs):
-        got = f"{len(outcomes)} outcomes for {len(jobs)} jobs"
-
-    if got is not None:
-        raise PluginError(f"{describe_part(simulator)}: rollout gave {got}")
-
-    return outcomes
+    got = shorten(repr(outcomes))
+    raise PluginError(
+        f"{describe_part(simulator)}: rollout gave {got}; expected a list of Outcome, one for each of {len(jobs)} jobs"
+    )

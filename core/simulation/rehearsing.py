@@ -28,6 +28,7 @@ from core.simulation.attempt import (
     stage_of,
 )
 from core.solids.contacts import Contacts, find_contacts, make_trace, nearest
+from core.solids.record_rate import subset
 from core.solids.rollout_solids import ROBOT
 from core.solids.tracks import follow
 from core.trial import Condition
@@ -129,14 +130,7 @@ class Rehearsal:
 
     def measure_gaps(self, sample: int) -> dict[str, tuple[float, str]]:
         """Measure how far each body is from the robot, metres, below 0 inside it, and from which part of it."""
-        taken = self.recording
-        chosen = [sample, sample]
-        recording = Recording(
-            taken.times[chosen],
-            taken.arm[chosen],
-            taken.fingers[chosen],
-            taken.states.each(lambda values: values[chosen]),
-        )
+        recording = subset(self.recording, np.array([sample]))
         job = self.planned.job
         scene = self.planned.scene
         tracks = follow(scene, self.stage.task.robot, job.tool, recording)

@@ -57,34 +57,20 @@ class Passage(NamedTuple):
     text: str
 
 
-class Instant(NamedTuple):
-    """A sample, and the share (0..1) of the way to the next."""
-
-    sample: int
-    share: float = 0.0
-
-    def read(self, values: Sequence[float]) -> float:
-        """Read a value (T,) at the samples, linear in between."""
-        k, share = self
-        value = values[k]
-
-        if share:
-            value += share * (values[k + 1] - value)
-
-        return value
-
-    def middle(self, earlier: Instant) -> Instant:
-        """Return the instant midway from an earlier one, by the numbers of the samples."""
-        total = self.sample + self.share + earlier.sample + earlier.share
-        sample = int(total / 2)
-        return Instant(sample, total / 2 - sample)
+Sight = tuple[float, Look]
+"""An instant, by the numbers of the samples and in between, and what is seen then."""
 
 
-class Sight(NamedTuple):
-    """A look, and its instant."""
+def _read(values: Sequence[float], instant: float) -> float:
+    """Read a value (T,) at an instant, linear between the samples."""
+    sample = int(instant)
+    share = instant - sample
+    value = values[sample]
 
-    instant: Instant
-    look: Look
+    if share:
+        value += share * (values[sample + 1] - value)
+
+    return value
 
 
 class Depths(NamedTuple):
@@ -179,20 +165,19 @@ def find_passage(
     encounter = Encounter(pair, depths)
     course = Course(near, ways, depths)
     instants = times.tolist()
-    instant: Instant | None = Instant(course.near[0])
+    instant: float | None = course.near[0]
     before: Sight | None = None
 
     while instant is not None:
-        now = Sight(instant, pair.look(*instant))
+        now = (instant, pair.look(instant))
 
-        for sight in _look_between(pair, before, now, depths.skin):
-            time_s = sight.instant.read(instants)
-            passage = encounter.judge(sight.look, sight.instant, time_s)
+        for between, look in _look_between(pair, before, now, depths.skin):
+            passage = encounter.judge(look, between, _read(instants, between))
             if passage is not None:
                 return passage
 
         before = now
-        instant = course.find_next(instant, now.look.depth)
+        instant = course.find_next(*now)
 
     return encounter.cut
 
@@ -216,11 +201,12 @@ def _look_between(
     Yields:
         The looks between, in order, and then the later one.
     """
-    if before is not None and halvings > 0 and now.look.depth >= skin:
-        directions = turned_with(before.look, now.look)
-        if not _is_same(now.look, directions):
-            middle = now.instant.middle(before.instant)
-            between = Sight(middle, pair.look(*middle))
+    instant, look = now
+    if before is not None and halvings > 0 and look.depth >= skin:
+        earlier, seen = before
+        if not _is_same(look, turned_with(seen, look)):
+            middle = (earlier + instant) / 2
+            between = (middle, pair.look(middle))
             yield from _look_between(pair, before, between, skin, halvings - 1)
             yield from _look_between(pair, between, now, skin, halvings - 1)
             return
@@ -264,8 +250,8 @@ class Encounter:
         self.stuck: float | None = None
         self.beyond: float | None = None
 
-    def judge(self, look: Look, instant: Instant, now: float) -> Passage | None:
-        """Take a look at an instant, which is ``now``, seconds; return a passage if there is one."""
+    def judge(self, look: Look, instant: float, now: float) -> Passage | None:
+        """Take a look at an instant, by the samples' numbers, which is ``now``, s; return a passage if there is one."""
         self._follow_side(look, now)
         touching = look.depth < (
             self.depths.limit if self.entry is None else self.depths.least
@@ -313,7 +299,7 @@ class Encounter:
 
         return agreement < 0.5 and self.until - self.since >= self.depths.patience
 
-    def _find_stuck(self, look: Look, instant: Instant, now: float) -> Passage | None:
+    def _find_stuck(self, look: Look, instant: float, now: float) -> Passage | None:
         """Find out at a sample whether the first has been too deep, or beyond the far side, for too long."""
         depths = self.depths
 
@@ -322,7 +308,7 @@ class Encounter:
         if look.depth < depths.deep:
             self.stuck = None
             return None
-        if instant.share > 0 or self.entry is None:
+        if instant % 1 > 0 or self.entry is None:
             return None
 
         if self.stuck is None:
@@ -402,33 +388,33 @@ class Course:
         self.step = max(min(limit / 4, depths.cut), min(limit, depths.thick) / 2)
         self._intervals = set(self.near)
 
-    def find_next(self, instant: Instant, depth: float) -> Instant | None:
+    def find_next(self, instant: float, look: Look) -> float | None:
         """Find the instant to look at next.
 
         Args:
             instant: of the last look.
-            depth: of the last look, metres.
+            look: the last one.
 
         Returns:
             The instant; None: there is none.
         """
-        k = instant.sample
+        k = int(instant)
         travel = self.travel
-        now = instant.read(travel)
+        now = _read(travel, instant)
 
-        if depth < self.least:
-            return self._skip(k, now, depth)
+        if look.depth < self.least:
+            return self._skip(k, now, look.depth)
 
         if k + 1 == len(travel):
             return None
 
         ahead = now + self.step
         if k not in self._intervals or ahead >= travel[k + 1]:
-            return Instant(k + 1)
+            return k + 1
 
         return self._between(k, ahead)
 
-    def _skip(self, k: int, now: float, depth: float) -> Instant | None:
+    def _skip(self, k: int, now: float, depth: float) -> float | None:
         """Leave out instants until the two may be as deep as counts, by how far they have moved ``now``, metres."""
         travel = self.travel
         room = self.least - depth
@@ -436,18 +422,18 @@ class Course:
         ahead = now + way
 
         if k in self._intervals and now + room < travel[k + 1] <= ahead:
-            return Instant(k + 1)  # they may be as deep there, and stay so at rest
+            return k + 1  # they may be as deep there, and stay so at rest
 
         number = bisect_left(self.near, bisect_right(travel, ahead) - 1)
         if ahead > travel[-1] or number == len(self.near):
             return None
 
         following = self.near[number]
-        return Instant(following) if following > k else self._between(k, ahead)
+        return following if following > k else self._between(k, ahead)
 
-    def _between(self, k: int, ahead: float) -> Instant:
+    def _between(self, k: int, ahead: float) -> float:
         before = self.travel[k]
-        return Instant(k, (ahead - before) / (self.travel[k + 1] - before))
+        return k + (ahead - before) / (self.travel[k + 1] - before)
 
 
 def relative_ways(tracks: Tracks, pairs: Indices, near: Flags) -> Array:

@@ -95,11 +95,10 @@ class Track:
         """An upper bound (T,) of how far any point has moved since the first sample, metres."""
         return running_sums(self._ways[:-1])
 
-    def at(self, k: int, share: float = 0.0) -> Any:
-        """Coal's transform, a ``share`` (0..1) of the way from sample ``k`` to the next."""
-        if self._rests:
-            k = 0
-            share = 0.0
+    def at(self, instant: float) -> Any:
+        """Coal's transform at an instant, by the numbers of the samples and in between."""
+        k = 0 if self._rests else int(instant)
+        share = 0.0 if self._rests else instant - k
 
         if share > 0:
             begin = self.positions[k]
@@ -152,10 +151,10 @@ class Pair:
         self.travel = first.travel + second.travel
         self._measure = coal.ComputeDistance(second.geometry, first.geometry)
 
-    def look(self, k: int, share: float = 0.0) -> Look:
+    def look(self, instant: float) -> Look:
         """Measure the two at an instant (see `Track.at`)."""
-        here = self.first.at(k, share)
-        there = self.second.at(k, share)
+        here = self.first.at(instant)
+        there = self.second.at(instant)
         result = coal.DistanceResult()
         gap = float(self._measure(there, here, _REQUEST, result))
 
