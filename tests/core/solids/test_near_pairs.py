@@ -70,7 +70,7 @@ def test_solids_do_not_meet_where_they_may_not(one, other, seed):
     *_, a, b = both.items
     for k in np.flatnonzero(~may(both, least, count)).tolist():
         for share in np.linspace(0.0, 1.0, 10, endpoint=False).tolist():
-            assert Pair(a, b).look(k, share).depth <= least + 1e-6
+            assert Pair(a, b).look(k + share).depth <= least + 1e-6
 
 
 def test_what_slides_along_a_surface_does_not_come_nearer():
