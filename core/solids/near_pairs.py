@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.geometry import Array
-from core.solids.tracks import Indices, Rows, Tracks, lengths
+from core.solids.tracks import Indices, Rows, Tracks
 
 Flags = npt.NDArray[np.bool_]
 
@@ -63,8 +63,7 @@ def may_meet(
 ) -> Flags:
     """Report where two solids may get deep in each other on the way from a sample to the next.
 
-    The boxes along the world's axes around what the solids sweep are compared first, then those along the solids' own
-    axes: solids are no deeper in each other than their boxes.
+    Solids are no deeper in each other than the boxes along the world's axes around what they sweep.
 
     Args:
         tracks: the solids at T samples.
@@ -88,15 +87,8 @@ def may_meet(
         met = met[deep]
         interval = interval[deep]
 
-    first, second = pairs[met].T
-    aside = rows.aside[first, interval] + rows.aside[second, interval]
-    # Along the axes of either, in one call: few pairs get here, and NumPy's calls take longer than its sums.
-    both = np.concatenate([first, second]), np.concatenate([second, first])
-    gaps = _bound_gaps(tracks, *both, np.tile(interval, 2)).reshape(2, -1)
-    deep = aside - gaps.max(axis=0) >= enough[met]
-
     may = np.zeros_like(within)
-    may[met[deep], interval[deep]] = True
+    may[met, interval] = True
     return may
 
 
@@ -111,59 +103,3 @@ def _measure_overlaps(
     under = high[second, interval] - low[first, interval]
 
     return np.minimum(over, under)
-
-
-def _bound_gaps(
-    tracks: Tracks,
-    first: Indices,
-    second: Indices,
-    interval: Indices,
-) -> Array:
-    """Bound the gaps between solids from below, by boxes along the axes of the second of each two.
-
-    In the second's frame, points of the first move straight on but for what the two turn. So the gap along an axis is
-    smallest at one of the ends, less the bend of the ways: solids that slide along each other don't come nearer.
-
-    Args:
-        tracks: the solids over time.
-        first: (N,) the numbers of solids.
-        second: (N,) those of the others.
-        interval: (N,) when each two are compared.
-
-    Returns:
-        Gaps (N,), metres.
-    """
-    rows = tracks.rows
-    solids = tracks.solids
-    ends = interval + np.array([[0], [1]])  # (2, N)
-    here = first, ends
-    there = second, ends
-
-    # Where the first is, along the axes of the second.
-    # A ball extends as far as its radius, however it is turned.
-    back = rows.rotations[there].swapaxes(2, 3)
-    middles = rows.middles[here] - rows.middles[there]
-    ahead = np.einsum("knij,knj->ikn", back, middles)
-    widths = np.abs(back @ rows.rotations[here])
-    extents = np.einsum("knij,nj->ikn", widths, solids.halves[first])
-    extents = np.minimum(extents, solids.radii[first])
-    extents += solids.halves[second].T[:, None]
-
-    # The gaps along three axes either way, (6, 2, N):
-    # along the best axis, at the worse of the two ends.
-    gaps = np.concatenate([ahead - extents, -ahead - extents])
-    gaps = gaps.min(axis=1).max(axis=0)
-
-    # From the straight way a point gets as far as an eighth of its acceleration,
-    # in units of the interval.
-    begin, end = rows.positions[here] - rows.positions[there]
-    moved = lengths(end - begin)
-    reach = solids.reaches[first]
-    turned = rows.turned[first, interval]
-    others_turned = rows.turned[second, interval]
-
-    far = lengths(begin) + moved + reach
-    bend = others_turned**2 * far + turned**2 * reach
-    bend += 2 * others_turned * (moved + reach * turned)
-
-    return gaps - bend / 8

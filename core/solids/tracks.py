@@ -51,7 +51,6 @@ class Rows(NamedTuple):
         low: (N, T, 3), with ``high`` the bounding box at the sample and on the way to the next.
         aside: (N, T) how far it gets from the straight way to the next sample, metres, at most.
         ways: (N, T) how far any of its points moves until the next sample, metres, at most; the last is 0.
-        turned: (N, T) the angle to the next sample, radians; the last is 0.
     """
 
     rotations: Array
@@ -61,7 +60,6 @@ class Rows(NamedTuple):
     high: Array
     aside: Array
     ways: Array
-    turned: Array
 
 
 class Track:
@@ -350,18 +348,9 @@ def place_solids(
     low -= aside[..., None]
     high += aside[..., None]
 
-    turned = np.zeros(positions.shape[:2])
-    turned[:, :-1] = angles(rotations[:, :-1], rotations[:, 1:])
-    ways = solids.reaches[numbers, None] * turned
+    turned = angles(rotations[:, :-1], rotations[:, 1:])
+    ways = np.zeros(positions.shape[:2])
+    ways[:, :-1] = solids.reaches[numbers, None] * turned
     ways[:, :-1] += lengths(positions[:, 1:] - positions[:, :-1])
 
-    return Rows(
-        rotations,
-        positions,
-        middles,
-        low,
-        high,
-        aside,
-        ways,
-        turned,
-    )
+    return Rows(rotations, positions, middles, low, high, aside, ways)
