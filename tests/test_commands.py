@@ -24,11 +24,10 @@ ROOT = Path(__file__).parents[1]
 SOLUTION = ROOT / "tests" / "tasks" / "solutions" / "BringCube.json"
 TINY = [
     "task=BringCube",
-    "budget.n_agent=1",
+    "budget=tiny",
     "budget.n_tool=2",
     "budget.n_action=2",
     "budget.n_iteration=1",
-    "budget.final_s=0",
 ]
 TINY += ["film=false", "seed=5"]
 

@@ -17,11 +17,9 @@ pytestmark = pytest.mark.slow
 HERE = Path(__file__).parent
 EXAMPLES = [HERE.parent / "examples" / name for name in ("toy_engine", "push_button")]
 SMALL = [
-    "budget.n_agent=1",
-    "budget.n_tool=1",
+    "budget=tiny",
     "budget.n_action=2",
     "budget.n_iteration=1",
-    "budget.final_s=0",
     "film=false",
 ]
 

@@ -250,12 +250,7 @@ def test_what_this_user_began_goes_on_without_a_word(tmp_path, monkeypatch):
         f"vlm.command=[cat,{answer}]",
         "prompt.repair=0",
         "prompt.picture=false",
-        "budget.n_agent=1",
-        "budget.n_tool=1",
-        "budget.n_action=1",
-        "budget.n_iteration=0",
-        "budget.final_s=0",
-        "budget.elite_s=0",
+        "budget=tiny",
         "listener=[]",
         "film=false",
     ]

@@ -27,7 +27,7 @@ FREE = "MoveBall"  # whose requests are never held
 SMALL = [
     *("vlm=gemini", "sim=mujoco", "prompt.picture=false"),
     *("prompt.repair=0", "film=false", "listener=[progress]", "executor.workers=1"),
-    *("budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1"),
+    *("budget=tiny"),
     *("budget.n_iteration=1", "budget.reward_save=0"),
 ]
 

@@ -21,11 +21,7 @@ TINY = [
         "run",
         "task=LiftBox",
         "sim=mujoco",
-        "budget.n_agent=1",
-        "budget.n_tool=1",
-        "budget.n_action=1",
-        "budget.n_iteration=0",
-        "budget.final_s=0",
+        "budget=tiny",
     ),
     *("executor.workers=1", "film=false", "listener=[]"),
 ]
@@ -168,6 +164,6 @@ def test_what_takes_long_is_not_imported_before_it_is_used(tmp_path, words, slow
 def test_the_help_of_a_run_lists_groups_and_keys(tmp_path):
     start = [sys.executable, "-m", "core.run"]
     done = call(tmp_path, "--help", "sim=sapien", start=start)
-    assert "\nbudget: paper, quick\n" in done.stdout
+    assert "\nbudget: paper, quick, tiny\n" in done.stdout
     assert "\nsim:\n  name: sapien\n" in done.stdout
     assert not list(tmp_path.iterdir())

@@ -37,7 +37,7 @@ SOLUTION = SOLUTIONS["strategies"][0]
 # The shortest prompt and the smallest answer: an agent, a tool, an action; two generations.
 SMALL = [
     *("task=BringCube", "sim=mujoco", "film=false", "executor.workers=1"),
-    *("budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1"),
+    *("budget=tiny"),
     *("budget.n_iteration=1", "prompt.picture=false", "prompt.feedback=paper"),
     *("prompt.repair=0", "vlm.concurrency=1", "vlm.timeout_s=1800"),
 ]

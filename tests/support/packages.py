@@ -8,10 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 ONE_CANDIDATE = [
-    "budget.n_agent=1",
-    "budget.n_tool=1",
-    "budget.n_action=1",
-    "budget.n_iteration=0",
+    "budget=tiny",
     "executor.workers=1",
     "film=false",
 ]

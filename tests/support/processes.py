@@ -11,11 +11,10 @@ import pytest
 
 SMALL = [
     "task=BringCube",
-    "budget.n_agent=1",
+    "budget=tiny",
     "budget.n_tool=2",
     "budget.n_action=3",
     "budget.n_iteration=1",
-    "budget.final_s=0",
 ]
 SMALL += ["film=false", "seed=5", "prompt.picture=false", "listener=[progress]"]
 PATIENCE_S = 180

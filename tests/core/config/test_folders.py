@@ -10,10 +10,7 @@ from core.config.folders import new_folder, task_folder
 
 WORDS = [
     "task=BringCube",
-    "budget.n_agent=1",
-    "budget.n_tool=1",
-    "budget.n_action=1",
-    "budget.n_iteration=0",
+    "budget=tiny",
 ]
 WORDS += ["film=false", "listener=[]", "executor.workers=1", "seed=5"]
 

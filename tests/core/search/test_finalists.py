@@ -370,11 +370,9 @@ WORDS = [
     "fitness.unseen=0",
 ]
 WORDS += [
+    "budget=tiny",
     "budget.final_s=4",
-    "budget.n_agent=1",
-    "budget.n_tool=1",
     "budget.n_action=3",
-    "budget.n_iteration=0",
 ]
 WORDS += ["evolution.tie=1", "film=false", "listener=[]", "prompt.picture=false"]
 

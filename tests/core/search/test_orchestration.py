@@ -60,9 +60,7 @@ def test_the_task_of_a_scene_file_is_called_by_its_name(tmp_path):
         words = [
             "task=file",
             f"task.file={file}",
-            "budget.n_agent=1",
-            "budget.n_tool=1",
-            "budget.n_action=1",
+            "budget=tiny",
         ]
         words += [
             "budget.n_iteration=0",

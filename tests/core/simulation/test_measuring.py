@@ -22,8 +22,7 @@ from tests.support.playing import evaluate_batch
 WORDS = [
     "task=BringCube",
     "sim=mujoco",
-    "budget.n_agent=1",
-    "budget.n_tool=1",
+    "budget=tiny",
     "budget.n_action=3",
     "budget.n_iteration=1",
     "budget.reward_save=-1",

@@ -162,9 +162,7 @@ def test_a_run_shows_its_best_elite_and_so_does_one_that_goes_on(engine, tmp_pat
     """The scene is drawn in the main thread, elites in the one that reads candidates."""
     simulator(engine)
     words = [
-        "budget.n_agent=1",
-        "budget.n_tool=1",
-        "budget.n_action=1",
+        "budget=tiny",
         "budget.n_iteration=1",
     ]
     words += [

@@ -139,9 +139,8 @@ def ran(tmp_path_factory):
         "listener=[]",
     ]
     words += [
-        "budget.n_agent=1",
+        "budget=tiny",
         "budget.n_tool=2",
-        "budget.n_action=1",
         "budget.n_iteration=1",
         "executor.workers=1",
     ]

@@ -311,7 +311,7 @@ def test_a_hundred_warnings_are_a_line():
 @pytest.mark.thorough
 def test_a_run_is_stored_and_goes_on_with_its_plans_as_written(tmp_path):
     words = [
-        *("budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2"),
+        *("budget=tiny", "budget.n_action=2"),
         *("budget.n_iteration=0", "listener=[]", "film=false", "prompt.picture=false"),
         *("sim=mujoco", "action=anchored", "rollout.perception.position=0.005"),
     ]

@@ -207,10 +207,7 @@ def test_a_run_says_what_its_best_earns_in_unseen_layouts(tmp_path, capsys):
             "fitness.unseen=3",
         ),
         *(
-            "budget.n_agent=1",
-            "budget.n_tool=1",
-            "budget.n_action=1",
-            "budget.n_iteration=0",
+            "budget=tiny",
             "budget.final_s=4",
         ),
         *("film=false", "listener=[]", "prompt.picture=false"),

@@ -344,10 +344,8 @@ def test_the_reward_above_is_that_of_the_command(kind, tmp_path, monkeypatch, ca
     if kind == "own arm":
         write_arm(Path())
     sizes = [
-        "budget.n_agent=1",
+        "budget=tiny",
         "budget.n_tool=3",
-        "budget.n_action=1",
-        "budget.n_iteration=0",
     ]
     others = [
         "listener=[summary]",

@@ -34,11 +34,9 @@ def found(tmp_path_factory):
     """Two generations of one agent, each with two tools and a plan for each task."""
     folder = tmp_path_factory.mktemp("several") / "run"
     sizes = [
-        "budget.n_agent=1",
+        "budget=tiny",
         "budget.n_tool=2",
-        "budget.n_action=1",
         "budget.n_iteration=1",
-        "budget.final_s=0",
     ]
     words = [
         *sizes,

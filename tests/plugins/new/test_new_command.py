@@ -35,10 +35,7 @@ RUNS = [
 ]
 RUNS += ["robot=my_arm", "fitness=mean_layouts"]
 SMALL = [
-    "budget.n_agent=1",
-    "budget.n_tool=1",
-    "budget.n_action=1",
-    "budget.n_iteration=0",
+    "budget=tiny",
     "film=false",
 ]
 

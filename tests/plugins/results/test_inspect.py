@@ -20,12 +20,7 @@ SMALL = [
     "task=BringCube",
     "sim=mujoco",
     "executor.workers=1",
-    "budget.n_agent=1",
-    "budget.n_tool=1",
-    "budget.n_action=1",
-    "budget.n_iteration=0",
-    "budget.final_s=0",
-    "budget.elite_s=0",
+    "budget=tiny",
     "listener=[]",
     "film=false",
 ]

@@ -303,7 +303,7 @@ def test_a_run_with_a_given_tool_can_be_read_back(tmp_path):
         "listener=[]",
         "executor.workers=1",
     ]
-    words += ["budget.n_agent=1", "budget.n_action=2", "budget.n_iteration=0"]
+    words += ["budget=tiny", "budget.n_action=2"]
     result = run(load("config", words), tmp_path / "run")
     again = transfer(
         configured(

@@ -207,10 +207,9 @@ def test_a_run_on_the_processor(tmp_path):
         "film=false",
     ]
     budget = [
-        "budget.n_agent=1",
+        "budget=tiny",
         "budget.n_tool=2",
         "budget.n_action=2",
-        "budget.n_iteration=0",
     ]
     done = python_m(tmp_path, "core.run", *words, *budget)
     assert done.returncode == 0, done.stderr

@@ -18,10 +18,8 @@ from tests.support.packages import without
 from tests.support.panda import FINGER_OPEN
 
 SMALL = [
-    "budget.n_agent=1",
-    "budget.n_tool=1",
+    "budget=tiny",
     "budget.n_action=2",
-    "budget.n_iteration=0",
     "executor.workers=2",
 ]
 SETTINGS = {

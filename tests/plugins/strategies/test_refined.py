@@ -169,10 +169,8 @@ def test_a_run_is_refined_alike_from_the_start_and_once_it_is_finished(
         "film=false",
     ]
     words += [
-        "budget.n_agent=1",
+        "budget=tiny",
         "budget.n_tool=2",
-        "budget.n_action=1",
-        "budget.n_iteration=0",
     ]
     whole = Experiment(*words, "evolution.refine=24", "executor.workers=1").run(
         tmp_path / "whole"

@@ -132,7 +132,7 @@ def test_a_key_in_the_command_is_refused(monkeypatch):
 def test_a_whole_run_with_a_program(tmp_path):
     answer = tmp_path / "answer.json"
     answer.write_text(json.dumps({"strategies": [SOLUTION]}))
-    small = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1"]
+    small = ["budget=tiny"]
     words = ["vlm=command", f"vlm.command=[cat,{answer}]", "budget.n_iteration=0"]
     result = run(load("config", [*COMMON, *small, *words]), tmp_path / "run")
     assert result.best.reward > 0.95

@@ -48,9 +48,8 @@ def secrets_in(folder):
 def test_a_served_run_has_the_result_of_its_answers(tmp_path):
     small = [
         *COMMON,
+        "budget=tiny",
         "budget.n_agent=2",
-        "budget.n_tool=1",
-        "budget.n_action=1",
         "budget.n_iteration=1",
     ]
     run(load("config", ["vlm=offline", *small]), tmp_path / "offline")
@@ -91,10 +90,8 @@ def test_a_run_that_reaches_its_limit_ends_well_and_resumes_with_a_higher_one(
     folder = tmp_path / "run"
     words = [
         *COMMON,
+        "budget=tiny",
         "budget.n_agent=4",
-        "budget.n_tool=1",
-        "budget.n_action=1",
-        "budget.n_iteration=0",
     ]
     with serving(lambda call: Say(json.dumps({"strategies": [SOLUTION]}))) as server:
         model = ["vlm=gemini", f"vlm.api_base={server.url}", "vlm.concurrency=1"]
@@ -140,10 +137,8 @@ def test_a_request_under_way_at_a_kill_is_asked_once_more_and_an_answered_one_is
     folder = tmp_path / "run"
     words = [
         *COMMON,
+        "budget=tiny",
         "budget.n_agent=3",
-        "budget.n_tool=1",
-        "budget.n_action=1",
-        "budget.n_iteration=0",
         "executor.workers=1",
     ]
 
@@ -197,10 +192,8 @@ def test_a_gateway_that_repeats_the_key_leaves_it_nowhere(tmp_path, monkeypatch,
 
     words = [
         *COMMON,
+        "budget=tiny",
         "budget.n_agent=2",
-        "budget.n_tool=1",
-        "budget.n_action=1",
-        "budget.n_iteration=0",
     ]
     monkeypatch.setenv("OPENAI_API_KEY", f"{key}\r\n")
     with serving(script) as server:
@@ -230,10 +223,7 @@ def test_a_run_asks_once_for_lessons_and_keeps_them_within_bounds(tmp_path):
     words = [
         *COMMON,
         "prompt.lessons=write",
-        "budget.n_agent=1",
-        "budget.n_tool=1",
-        "budget.n_action=1",
-        "budget.n_iteration=0",
+        "budget=tiny",
     ]
 
     def answer(call):
@@ -275,10 +265,7 @@ def test_a_run_that_is_shown_what_others_taught_ends_and_writes_no_lessons(
     lessons = {"task": "OneBook", "context": "source", "lessons": [kept]}
     words = [
         *COMMON,
-        "budget.n_agent=1",
-        "budget.n_tool=1",
-        "budget.n_action=1",
-        "budget.n_iteration=0",
+        "budget=tiny",
     ]
     folder = tmp_path / "run"
     answer = Say(json.dumps({"strategies": [SOLUTION]}))
@@ -299,10 +286,7 @@ def test_lessons_that_can_not_be_read_cost_no_run(tmp_path, capsys):
     words = [
         *COMMON,
         "prompt.lessons=write",
-        "budget.n_agent=1",
-        "budget.n_tool=1",
-        "budget.n_action=1",
-        "budget.n_iteration=0",
+        "budget=tiny",
     ]
 
     def answer(call):

@@ -13,9 +13,8 @@ from core.search.orchestration import run
 SMALL = [
     *("sim=mujoco", "film=false", "listener={}", "prompt.picture=false"),
     *(
+        "budget=tiny",
         "budget.n_agent=2",
-        "budget.n_tool=1",
-        "budget.n_action=1",
         "budget.n_iteration=1",
     ),
 ]

@@ -39,7 +39,7 @@ SMALL = {
     "tasks": ["BringCube", "OneBook"],
     "seeds": 1,
     "settings": ["film=false", "sim=mujoco", "listener=[]", "prompt.picture=false"],
-    "budgets": {"tiny": ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2"]},
+    "budgets": {"tiny": ["budget=tiny", "budget.n_action=2"]},
     "methods": [
         {"name": "first", "settings": ["budget.n_iteration=1"]},
         {"name": "hand", "settings": ["tool=none", "budget.n_iteration=0"]},
