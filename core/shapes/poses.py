@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -57,118 +57,6 @@ def running_sums(values: Array) -> Array:
     return sums
 
 
-# Single rotations, in plain numbers. SciPy's `Rotation` is made for many at once, and takes ten times as long for one.
-# Every step rounds as SciPy's does, so that results are equal to the bit.
-
-Quaternion = tuple[float, float, float, float]  # w, x, y and z
-_Part = TypeVar("_Part", float, Array)
-_Parts = tuple[_Part, _Part, _Part, _Part]
-_LOCKED_RAD = 1e-7  # nearer to a pitch of 90 degrees roll and yaw are one
-
-
-def _normalise(w: float, x: float, y: float, z: float) -> Quaternion:
-    """Make a quaternion's length 1."""
-    length = math.sqrt(x * x + y * y + z * z + w * w)
-    return w / length, x / length, y / length, z / length
-
-
-def multiply(after: _Parts[_Part], first: _Parts[_Part]) -> _Parts[_Part]:
-    """Multiply two quaternions, whose parts are numbers, or arrays for many at once.
-
-    Args:
-        after: the turn that comes second.
-        first: the turn that comes first.
-    """
-    w, x, y, z = after
-    v, a, b, c = first
-
-    return (
-        w * v - x * a - y * b - z * c,
-        w * a + v * x + (y * c - z * b),
-        w * b + v * y + (z * a - x * c),
-        w * c + v * z + (x * b - y * a),
-    )
-
-
-def _turn_by_rpy(roll: float, pitch: float, yaw: float) -> Array:
-    """Make a quaternion (4,) of fixed-axis roll, pitch and yaw, radians.
-
-    Raises:
-        ValueError: an angle is not finite.
-    """
-    if not math.isfinite(roll + pitch + yaw):
-        raise ValueError("expected finite numbers")
-
-    about_x = (math.cos(roll / 2), math.sin(roll / 2), 0.0, 0.0)
-    about_y = (math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0)
-    about_z = (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
-
-    return np.array(multiply(about_z, multiply(about_y, about_x)))
-
-
-def _rpy_of(w: float, x: float, y: float, z: float) -> Array:
-    """Find the fixed-axis roll, pitch and yaw (3,) of a unit quaternion, radians; see `Pose.rpy`.
-
-    The method is that of E. Bernardes and S. Viollet, "Quaternion to Euler angles conversion", PLoS ONE 17(11), 2022.
-    """
-    a = w - y
-    b = x + z
-    c = y + w
-    d = z - x
-
-    # `math.hypot` rounds otherwise than the C library's.
-    double_tilt = 2 * math.atan2(np.hypot(c, d), np.hypot(a, b))
-    half_sum = math.atan2(b, a)
-    half_difference = math.atan2(d, c)
-
-    if double_tilt <= _LOCKED_RAD:
-        roll = 2 * half_sum
-        yaw = 0.0
-    elif abs(double_tilt - math.pi) <= _LOCKED_RAD:
-        roll = -2 * half_difference
-        yaw = 0.0
-    else:
-        roll = half_sum - half_difference
-        yaw = half_sum + half_difference
-
-    angles = (roll, double_tilt - math.pi / 2, yaw)
-    return np.array([_wrap_once(angle) for angle in angles])
-
-
-def _wrap_once(angle: float) -> float:
-    """Bring an angle of less than a turn and a half to -pi to pi."""
-    if angle < -math.pi:
-        return angle + 2 * math.pi
-    if angle > math.pi:
-        return angle - 2 * math.pi
-    return angle
-
-
-def _turn_matrix(w: float, x: float, y: float, z: float) -> Array:
-    """Make the matrix (3, 3) of a unit quaternion; it is read-only."""
-    xx = x * x
-    yy = y * y
-    zz = z * z
-    ww = w * w
-
-    xy = x * y
-    xz = x * z
-    yz = y * z
-    xw = x * w
-    yw = y * w
-    zw = z * w
-
-    matrix = np.array(
-        [
-            [xx - yy - zz + ww, 2 * (xy - zw), 2 * (xz + yw)],
-            [2 * (xy + zw), -xx + yy - zz + ww, 2 * (yz - xw)],
-            [2 * (xz - yw), 2 * (yz + xw), -xx - yy + zz + ww],
-        ]
-    )
-    matrix.setflags(write=False)
-    return matrix
-
-
 @dataclass(frozen=True, eq=False)
 class Pose:
     """Where one frame is in another. Poses are compared and hashed by their numbers.
@@ -203,8 +91,9 @@ class Pose:
             xyz: the position, metres.
             rpy: fixed-axis roll, pitch, yaw, radians.
         """
-        roll, pitch, yaw = map(float, rpy)
-        return cls(np.asarray(xyz), _turn_by_rpy(roll, pitch, yaw))
+        from scipy.spatial.transform import Rotation
+
+        return cls.from_rotation(xyz, Rotation.from_euler("xyz", rpy))
 
     @classmethod
     def from_rotation(cls, position: Vector, rotation: Rotation) -> Pose:
@@ -226,14 +115,9 @@ class Pose:
         return Rotation.from_quat(self.quaternion, scalar_first=True)
 
     @cached_property
-    def _unit(self) -> Quaternion:
-        """The orientation (w, x, y, z), as `rotation` has it."""
-        return _normalise(*self.quaternion.tolist())
-
-    @cached_property
     def rotation_matrix(self) -> Array:
         """The orientation as a matrix (3, 3), read-only."""
-        return _turn_matrix(*self._unit)
+        return frozen_array(self.rotation.as_matrix())
 
     def __getstate__(self) -> dict[str, Array]:
         # Not what is cached.
@@ -242,7 +126,7 @@ class Pose:
     @property
     def rpy(self) -> Array:
         """Fixed-axis roll, pitch, yaw (3,). At a pitch of 90 degrees they are not unique; there yaw is 0."""
-        return _rpy_of(*self._unit)
+        return self.rotation.as_euler("xyz", suppress_warnings=True)
 
     @property
     def matrix(self) -> Array:
@@ -255,14 +139,13 @@ class Pose:
 
     def __matmul__(self, other: Pose) -> Pose:
         """Compose poses: ``a @ b`` is the pose of b's frame where a is given, if b is given in a's frame."""
-        turned = _normalise(*multiply(self._unit, other._unit))
-        return Pose(self.apply(other.position), np.array(turned))
+        turned = self.rotation * other.rotation
+        return Pose.from_rotation(self.apply(other.position), turned)
 
     def inverse(self) -> Pose:
         """The pose of the frame that this one is given in, in this frame."""
-        w, x, y, z = self._unit
-        back = (w, -x, -y, -z)
-        return Pose(-(_turn_matrix(*back) @ self.position), np.array(back))
+        back = np.ascontiguousarray(self.rotation_matrix.T)
+        return Pose.from_rotation(-(back @ self.position), self.rotation.inv())
 
     def apply(self, points: npt.ArrayLike) -> Array:
         """Transform points (..., 3) from this pose's frame to the frame that the pose is given in."""

@@ -14,7 +14,6 @@ import numpy as np
 
 from core.errors import refuse
 from core.geometry import Array, Pose, Vector, frozen_array
-from core.shapes import poses
 
 MAX_FORCE = 1e4  # N or N m, of any spring, latch or drive in a scene
 MAX_POSITION = 1e3  # m or rad
@@ -364,10 +363,10 @@ def multiply(after: Array, first: Array) -> Array:
     Returns:
         Both turns in one (..., 4).
     """
-    return np.stack(poses.multiply(_parts(after), _parts(first)), axis=-1)
-
-
-def _parts(quaternion: Array) -> tuple[Array, Array, Array, Array]:
-    """Take quaternions (..., 4) apart."""
-    w, x, y, z = np.moveaxis(quaternion, -1, 0)
-    return w, x, y, z
+    w, x, y, z = np.moveaxis(after, -1, 0)
+    v, a, b, c = np.moveaxis(first, -1, 0)
+    real = w * v - x * a - y * b - z * c
+    about_x = w * a + v * x + (y * c - z * b)
+    about_y = w * b + v * y + (z * a - x * c)
+    about_z = w * c + v * z + (x * b - y * a)
+    return np.stack([real, about_x, about_y, about_z], axis=-1)
