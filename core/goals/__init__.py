@@ -9,8 +9,8 @@ A goal is of one of two sorts. A `Reach` wants bodies, or a joint, to end in som
 what must not happen meanwhile, such as `Untouched`. All of them say how far they were fulfilled (`Goal.share`), and how
 far a rollout stayed from their limits (`Goal.margins`).
 
-A kind is one class in one file, and a line here. `goal` has what all kinds share, `reaching` and `terms` what a `Reach`
-does, `limit` a `Limit`. They are judged by `evidence`, measure by `measures`, and scene files say them by `keys`.
+A kind is one class in one file, and a line here. `goal` has what all kinds share, `reaching` what a `Reach` does,
+`limit` a `Limit`. They are judged by `evidence`, measure by `measures`, and scene files say them by `keys`.
 """
 
 from core.goals.evidence import Conduct as Conduct

@@ -36,6 +36,8 @@ class Broken(Reach):
     short = "break {goal.subject}"
     names: ClassVar = {"broken": BREAKABLE}
     of_bodies = False
+    needs_trace = True  # the forces are in it
+    needs_peaks = True  # a blow is short
     alone = True
 
     def __post_init__(self) -> None:
@@ -53,16 +55,6 @@ class Broken(Reach):
         bonds = state.bonds
         bodies = [bonds[n].body if n in bonds else n for n in self.broken]
         return tuple(dict.fromkeys(bodies))
-
-    @property
-    def needs_trace(self) -> bool:
-        """It does: the forces are in it."""
-        return True
-
-    @property
-    def needs_peaks(self) -> bool:
-        """It does: a blow is short."""
-        return True
 
     def progress(
         self, start: State, now: State, conduct: Conduct | None = None

@@ -44,25 +44,6 @@ class Evidence:
 
         return self.trace
 
-    def hold(self, body: str) -> Array:
-        """Report at which instants a body is held, (..., T): 1, or 0.5 where the robot only touches it.
-
-        To touch what hangs from something fixed by a joint, a bond or a pin is nothing.
-        """
-        support = self.film.support
-        touched = self.film.contact(body, "robot") & ~support.hangs(body)
-        return np.maximum(support.held(body), touched / 2)
-
-    def highest(self, figure: Callable[[State], Array]) -> Array:
-        """Compute the highest that a figure of a state (...) was within `REST_S`, at each instant, (..., T)."""
-        values = figure(self.film.states)
-        count = round(REST_S * TRACE_HZ)
-        # Before the first instant it was as high as there.
-        begin = np.repeat(values[..., :1], count, axis=-1)
-        longer = np.concatenate([begin, values], axis=-1)
-        windows = np.lib.stride_tricks.sliding_window_view(longer, count + 1, axis=-1)
-        return np.asarray(windows.max(axis=-1))
-
     def moved(self, body: str) -> Array:
         """Measure how far a body is from where it was at the start, m, (...)."""
         return length(self.end.position(body) - self.start.position(body))
@@ -86,8 +67,13 @@ class Conduct:
     instant: int | None = None
 
     def hold(self, body: str) -> Array:
-        """Report how far the robot holds a body, see `Evidence.hold`."""
-        return self._read(self.evidence.hold(body))
+        """Report how far the robot holds a body: 1, or 0.5 where it only touches it.
+
+        To touch what hangs from something fixed by a joint, a bond or a pin is nothing.
+        """
+        film = self.evidence.film
+        touched = film.contact(body, "robot") & ~film.support.hangs(body)
+        return self._read(np.maximum(film.support.held(body), touched / 2))
 
     def let_go(self, body: str) -> Array:
         """Report where the robot does not reach a body, see `Support.linked`: 1, else 0."""
@@ -100,11 +86,18 @@ class Conduct:
         return self._read(stands.astype(np.float64))
 
     def highest(self, figure: Callable[[State], Array], now: State) -> Array:
-        """Compute the highest that a figure was lately, and is ``now``, see `Evidence.highest`."""
+        """Compute the highest that a figure of a state (...) was within `REST_S`, and is ``now``."""
         value = figure(now)
         if self.evidence.trace is None:
             return value
-        return np.maximum(value, self._read(self.evidence.highest(figure)))
+
+        values = figure(self.evidence.trace.states)
+        count = round(REST_S * TRACE_HZ)
+        # Before the first instant it was as high as there.
+        begin = np.repeat(values[..., :1], count, axis=-1)
+        longer = np.concatenate([begin, values], axis=-1)
+        windows = np.lib.stride_tricks.sliding_window_view(longer, count + 1, axis=-1)
+        return np.maximum(value, self._read(windows.max(axis=-1)))
 
     def strain(self, name: str) -> Array:
         """Find the largest force so far on what can break, as a share of what it bears."""

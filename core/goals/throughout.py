@@ -26,14 +26,11 @@ class Throughout(Limit):
 
     what: Reach
 
+    needs_trace = True  # states over time are in it
+
     @property
     def parts(self) -> tuple[Reach, ...]:
         return self.what.parts
-
-    @property
-    def needs_trace(self) -> bool:
-        """It does: states over time are in it."""
-        return True
 
     def share(self, evidence: Evidence) -> Array:
         return np.asarray(self.what.progress_over_time(evidence).min(axis=-1))

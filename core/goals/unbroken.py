@@ -34,16 +34,8 @@ class Unbroken(Limit):
     }
     names: ClassVar = {"unbroken": BREAKABLE}
     holds_untouched: ClassVar = True
-
-    @property
-    def needs_trace(self) -> bool:
-        """It does: the forces are in it."""
-        return True
-
-    @property
-    def needs_peaks(self) -> bool:
-        """It does: a blow is short."""
-        return True
+    needs_trace = True  # the forces are in it
+    needs_peaks = True  # a blow is short
 
     def share(self, evidence: Evidence) -> Array:
         share = np.ones(())

@@ -56,14 +56,10 @@ class Untouched(Limit):
     }
     names: ClassVar = {"untouched": SOLID_BODY, "by": SOLID_BODY}
     holds_untouched: ClassVar = True
+    needs_trace = True  # what touched is in it
 
     def __post_init__(self) -> None:
         refuse("a goal's ", {"max_force_n must be 0 or more": self.max_force_n < 0})
-
-    @property
-    def needs_trace(self) -> bool:
-        """It does: what touched is in the trace."""
-        return True
 
     @property
     def needs_peaks(self) -> bool:
