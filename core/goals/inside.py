@@ -13,7 +13,6 @@ from core.goals.keys import Key
 from core.goals.measures import SLIP_M, Measure
 from core.goals.reaching import Reach
 from core.goals.sites import ANY_BODY, Site, Space
-from core.scene import Scene
 from core.values.joints import rotate, rotate_back
 from core.values.states import State
 from core.values.tools import Fixture
@@ -115,20 +114,3 @@ class Inside(Reach):
         yield from super().find_faults(site)
         if self.inside in self.bodies:
             yield f"{self.inside} can't be inside itself; name another body"
-
-    def find_warnings(self, where: str, scene: Scene) -> Iterator[str]:
-        """Yield a line for each body of one round or square shape that does not get in, by its smallest side."""
-        start = scene.state()
-        widest = 2 * self.space.passage
-        for name in self.bodies:
-            shapes = [part.shape for part in scene[name].collisions]
-            is_known = len(shapes) == 1 and shapes[0].holds_ball
-            if not is_known or self.progress(start, start) >= 1.0:
-                continue
-
-            _, sides = shapes[0].bounds
-            if float(min(sides)) > widest:
-                way = f"the way in is at most {1000 * widest:.0f} mm wide"
-                if not widest:
-                    way = "no way leads in"
-                yield f"{name} does not get into {self.inside}: {way}"

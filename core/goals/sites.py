@@ -25,13 +25,7 @@ BREAKABLE = "thing that breaks"
 
 
 class Space:
-    """What bodies can be inside of, in the frame of the body or mark that has it. By itself it is empty.
-
-    Attributes:
-        passage: the radius of the largest ball whose middle may get into it, m; 0: no way leads in.
-    """
-
-    passage: float = np.inf
+    """What bodies can be inside of, in the frame of the body or mark that has it. By itself it is empty."""
 
     def within(self, fixture: Fixture | None) -> Space | None:
         """Return the space in a scene to which a design adds a fixture, or adds nothing; None: there is none."""

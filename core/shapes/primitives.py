@@ -104,10 +104,9 @@ class Centered(Primitive):
 
 
 class _Native(Centered):
-    """One that every engine has, and in which a ball fits that is as wide as its smallest side."""
+    """One that every engine has."""
 
     is_hull = False
-    holds_ball = True
 
 
 @dataclass(frozen=True)

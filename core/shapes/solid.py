@@ -50,7 +50,6 @@ class Shape(ABC):
         is_convex: whether it collides as it is.
         is_round: whether it looks the same however it turns about its z.
         is_hull: whether engines take its corners alone; PyBullet makes such a hull thicker by a margin.
-        holds_ball: whether a ball surely fits in it that is as wide as its smallest side.
     """
 
     kind: ClassVar[str]
@@ -58,7 +57,6 @@ class Shape(ABC):
     is_convex: ClassVar[bool] = True
     is_round: ClassVar[bool] = False
     is_hull: ClassVar[bool] = True
-    holds_ball: ClassVar[bool] = False
 
     @abstractmethod
     def to_trimesh(self) -> trimesh.Trimesh:

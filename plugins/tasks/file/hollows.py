@@ -30,9 +30,6 @@ _FLAT_M = 0.002  # a mark that is not higher is flat
 COLUMN_M = 0.1
 """How high above a flat mark is still inside it, where nothing else is said."""
 
-# In cells: the middle of a way is so far from that of a cell, and a wall from that of one that it reaches into.
-_MISSED = 1.75
-_HALVINGS = 10  # of the radii between which the largest ball is looked for that gets in
 _AROUND = 2  # cells beside the body, where there is a way around it
 
 # Half of the 26 neighbours of a cell: the others are the same ways back.
@@ -55,13 +52,11 @@ class Hollow(Space):
         low: (3,) the grid's first point, m.
         step: (3,) between its points, m.
         rooms: (X, Y, Z) m, below 0 outside.
-        passage: the radius of the largest ball whose middle may get into it, m; 0: no way leads in.
     """
 
     low: Array
     step: Array
     rooms: Array
-    passage: float = np.inf
 
     def room(self, points: Array) -> Array:
         most = np.array(self.rooms.shape) - 1.0
@@ -148,33 +143,9 @@ def find_hollow(body: Body, around: Sequence[Body] = ()) -> Hollow | None:
             cells = _make_grid(first, step, counts + 2 * _AROUND)
             blocked = _find_blocked(cells, parts, step)
             rooms = _measure_rooms(padded, blocked, step)
-            passage = _measure_passage(padded, blocked, step)
-            return Hollow(first, step, rooms, passage)
+            return Hollow(first, step, rooms)
 
     return None
-
-
-def _measure_passage(space: Flags, blocked: Flags, step: Array) -> float:
-    """Measure the radius of the largest ball whose middle gets into a space from outside, m; see `_measure_rooms`.
-
-    It is never too small: what the grid may miss of it is added.
-    """
-    clearances = ndimage.distance_transform_edt(~blocked, sampling=step)
-    outside = np.ones(space.shape, dtype=bool)
-    outside[1:-1, 1:-1, 1:-1] = False
-    low = 0.0
-    high = float(clearances.max())
-
-    for _ in range(_HALVINGS):
-        radius = (low + high) / 2
-        labels, _ = ndimage.label(clearances >= radius, np.ones((3, 3, 3)))
-        reached = np.intersect1d(labels[space], labels[outside])
-        if (reached > 0).any():
-            low = radius
-        else:
-            high = radius
-
-    return low + _MISSED * float(step.max()) if low > 0 else 0.0
 
 
 def _make_grid(first: Array, step: Array, counts: Counts) -> Array:

@@ -208,48 +208,6 @@ def test_many_bodies_that_overlap_are_said_in_few_lines(tmp_path):
     assert last == "85 more pairs of bodies overlap"
 
 
-VESSELS = """name: Vessels
-description: A ball lies on the table beside a bottle, a cup and a closed case, to get into one of them.
-bodies:
-  - {name: cup, cup: {radius: 0.05, length: 0.08, wall: 0.004}, position: [0.6, 0.3, 0.04], fixed: true}
-  - name: bottle
-    bottle: {radius: 0.05, length: 0.2, wall: 0.004, neck: 0.02, neck_length: 0.05}
-    position: [0.6, -0.3, 0.1]
-    fixed: true
-  - name: case
-    fixed: true
-    position: [0.8, 0, 0.05]
-    parts:
-      - {box: [0.1, 0.1, 0.01], position: [0, 0, -0.045]}
-      - {box: [0.1, 0.1, 0.01], position: [0, 0, 0.045]}
-      - {box: [0.01, 0.1, 0.08], position: [0.045, 0, 0]}
-      - {box: [0.01, 0.1, 0.08], position: [-0.045, 0, 0]}
-      - {box: [0.08, 0.01, 0.08], position: [0, 0.045, 0]}
-      - {box: [0.08, 0.01, 0.08], position: [0, -0.045, 0]}
-  - {name: ball, SHAPE, position: [0.5, 0, 0.2], mass: 0.05, velocity: [0, 0, 0.1]}
-goals:
-  - {bodies: [ball], inside: VESSEL}
-"""
-
-
-@pytest.mark.parametrize(
-    ("shape", "vessel", "said"),
-    [
-        ("sphere: 0.044", "cup", ""),
-        ("sphere: 0.053", "cup", "ball does not get into cup: the way in is at most"),
-        ("sphere: 0.014", "bottle", ""),
-        ("sphere: 0.023", "bottle", "ball does not get into bottle: the way in is at most"),
-        ("box: [0.02, 0.02, 0.15]", "bottle", ""),
-        ("sphere: 0.014", "case", "ball does not get into case: no way leads in"),
-    ],
-)  # fmt: skip
-def test_what_is_too_wide_for_an_opening(tmp_path, caplog, shape, vessel, said):
-    text = VESSELS.replace("SHAPE", shape).replace("VESSEL", vessel)
-    task_of(tmp_path, text, "none")
-    assert said in caplog.text
-    assert len(caplog.records) == bool(said)
-
-
 @pytest.mark.parametrize(
     ("key", "said"),
     [
