@@ -24,6 +24,11 @@ _USD = (
     "USD, of which a URDF is to be made first: pip install nvidia-srl-usd-to-urdf, then: "
     "usd_to_urdf {path} {stem}.urdf"
 )
+_XACRO_REMEDY = (
+    "Xacro, of which a URDF is to be made first: pip install 'xacrodoc>=2,<3', then: "
+    "xacrodoc {path} -o {stem}_plain.urdf; with NAME:=VALUE for each of its arguments that has no default or shall "
+    "differ, and -d FOLDER if it names packages ($(find NAME)) that lie in FOLDER"
+)
 # What files of other kinds begin with, and what to do.
 _BEGINNINGS = (
     (
@@ -82,16 +87,14 @@ def read_root(data: bytes, path: Path) -> Element:
     if not known:
         root = read_xml(data, path)
         known = [remedy for tag, remedy in _ROOTS.items() if tag == root.tag]
+        if root.tag == "robot" and _is_xacro(root):
+            known = [_XACRO_REMEDY]
     if known:
         raise UserError(f"{path} is {known[0].format(path=path, stem=path.stem)}")
     if root.tag not in ("robot", "mujoco"):
         tag = shorten(root.tag)[1:-1]
         raise UserError(
             f"{path} is no URDF or MJCF: its root is <{tag}> instead of <robot> or <mujoco>"
-        )
-    if root.tag == "robot" and _is_xacro(root):
-        raise UserError(
-            f"{path} is Xacro, of which a URDF is to be made first: {_describe_xacro(root, path)}"
         )
 
     return root
@@ -102,20 +105,3 @@ def _is_xacro(root: Element) -> bool:
     texts = [value for element in root.iter() for value in element.attrib.values()]
     called = any(map(_CALLS.search, texts))
     return called or any(_XACRO.match(element.tag) for element in root.iter())
-
-
-def _describe_xacro(root: Element, path: Path) -> str:
-    """Write the command that makes a URDF of a Xacro file, with the arguments that have no default."""
-    arguments = [
-        f" {element.get('name')}:=VALUE"
-        for element in root.iter()
-        if element.tag.endswith("}arg") and element.get("default") is None
-    ]
-    stem = path.name.removesuffix(".xacro").removesuffix(".urdf")
-    command = (
-        f"xacrodoc {path} -o {stem}{'_plain' if path.suffix == '.urdf' else ''}.urdf"
-    )
-    return (
-        f"pip install 'xacrodoc>=2,<3', then: {command}{''.join(arguments)}; with -d FOLDER if it names packages "
-        "($(find NAME)) that lie in FOLDER, and NAME:=VALUE for each of its arguments that shall differ"
-    )

@@ -21,7 +21,6 @@ _ARM_JOINTS = 3  # one after the other: a cabinet's door bears a handle, and no 
 _OPPOSITE = -0.9  # cosine between the ways in which two fingers open
 _MOST_INCLUDED = 20
 _HINGES = (None, "hinge")
-_IN_WORLD = {"body", "geom", "site", "light", "camera"}
 
 
 def tell_kind(file: Path) -> str:
@@ -144,38 +143,3 @@ def find_radians(root: Element) -> bool:
             ends += [abs(float(end)) for end in joint.get("range", "").split()]
 
     return 0 < max(ends, default=0) <= 2 * math.pi
-
-
-def wrap_fragment(file: Path) -> tuple[Path, list[str]]:
-    """Make a whole model of a part of an MJCF model, in a file beside it; of another file, return it.
-
-    Returns:
-        the file to read; and what was done, a line each.
-
-    Raises:
-        UserError: the file can't be read, or the model not be written.
-    """
-    data = read_untrusted(file, MAX_BYTES)
-    if b"<mujocoinclude" not in data[:4096]:
-        return file, []
-
-    root = read_xml(data, file)
-    radians = find_radians(root)
-    angle = '<compiler angle="radian"/>' if radians else ""
-    include = f'<include file="{file.name}"/>'
-    if {child.tag for child in root} & _IN_WORLD:
-        include = f"<worldbody>{include}</worldbody>"
-
-    whole = file.with_name(f"{file.stem}_whole.xml")
-    try:
-        whole.write_text(f"<mujoco>{angle}{include}</mujoco>\n")
-    except OSError as error:
-        raise UserError(f"{whole} can't be written: {error.strerror}") from error
-
-    notes = [f"{file} is a part of an MJCF model; {whole} includes it"]
-    if radians:
-        notes.append(
-            "its ranges look like radians, so that the model says so: angle=radian"
-        )
-
-    return whole, notes

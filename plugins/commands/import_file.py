@@ -14,7 +14,7 @@ from core.config.compose import load, part, task_part
 from core.errors import UsageError, UserError, choices
 from core.geometry import Pose
 from core.hooks import Taken
-from core.imports.kinds import ARM, GRIPPER, SCENE, tell_kind, wrap_fragment
+from core.imports.kinds import ARM, GRIPPER, SCENE, tell_kind
 from core.interfaces import Image
 from core.plugins import SIMULATOR, installed
 from core.scene import Camera
@@ -68,8 +68,7 @@ def main(words: list[str]) -> None:
     if len(files) != 1:
         raise UsageError(USAGE)
 
-    file, notes = wrap_fragment(expand(files[0]).absolute())
-    say(*notes)
+    file = expand(files[0]).absolute()
     settings = arguments(USAGE, [word for word in words if word != files[0]])
     asked = [word for word in settings if word.startswith("kind=")]
     kind = asked[-1].removeprefix("kind=") if asked else tell_kind(file)

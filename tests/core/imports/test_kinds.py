@@ -11,7 +11,6 @@ from core.imports.kinds import (
     SCENE,
     find_radians,
     tell_kind,
-    wrap_fragment,
 )
 from tests.support.hands import hand
 
@@ -101,16 +100,3 @@ def test_ranges_that_look_like_radians(ranges, compiler, radians):
     joint = f'<joint range="{ranges}"/>' if ranges else "<joint/>"
     text = f"<mujoco>{compiler}<worldbody><body>{joint}</body></worldbody></mujoco>"
     assert find_radians(fromstring(text)) == radians
-
-
-@pytest.mark.parametrize("inside", ["<worldbody>{}</worldbody>", "{}"])
-def test_a_fragment_gets_a_model_around_it(tmp_path, inside):
-    body = '<body><joint range="0 1.5"/><geom size="0.1"/></body>'
-    part = tmp_path / "part.xml"
-    part.write_text(f"<mujocoinclude>{inside.format(body)}</mujocoinclude>")
-    whole, notes = wrap_fragment(part)
-    assert whole == tmp_path / "part_whole.xml"
-    assert '<compiler angle="radian"/>' in whole.read_text()
-    assert len(notes) == 2
-    assert tell_kind(whole) == SCENE
-    assert wrap_fragment(whole) == (whole, [])

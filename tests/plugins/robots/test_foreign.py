@@ -538,8 +538,8 @@ XACRO = (
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("arm.urdf", XACRO, r"is Xacro, .*xacrodoc .*arm\.urdf -o arm_plain\.urdf prefix:=VALUE; with -d FOLDER"),
-        ("arm.urdf.xacro", XACRO, r"is Xacro, .*xacrodoc .* -o arm\.urdf prefix:=VALUE;"),
+        ("arm.urdf", XACRO, r"is Xacro, .*xacrodoc .*arm\.urdf -o arm_plain\.urdf; with NAME:=VALUE .*-d FOLDER"),
+        ("arm.urdf.xacro", XACRO, r"is Xacro, .*xacrodoc .* -o arm\.urdf_plain\.urdf; "),
         ("arm.urdf", '<sdf version="1.9"><model name="a"/></sdf>', r"is SDF, .*sdf2mjcf .*arm\.urdf arm\.xml"),
         ("arm.xml", "<mujocoinclude/>", "is a part of an MJCF model; give the file that includes it"),
         ("arm.urdf", "version https://git-lfs.github.com/spec/v1", "Git LFS; fetch the file: git lfs pull"),
