@@ -314,13 +314,8 @@ class Tally:
         return max(by_engine.values(), default=0.0)
 
     @classmethod
-    def of_trials(cls, trials: Iterable[Trial], tie: float = TIE) -> Tally:
-        """Tally trials in further layouts, as they are stored: each layout by its mean reward in an engine.
-
-        Args:
-            trials: of one candidate.
-            tie: see `count_lost`.
-        """
+    def of_trials(cls, trials: Iterable[Trial]) -> Tally:
+        """Tally the trials of a candidate in further layouts, as they are stored: each by its mean in an engine."""
         groups: dict[tuple[int, int | None], list[Trial]] = {}
         for trial in trials:
             place = (trial.layout, trial.where.change)
@@ -331,7 +326,7 @@ class Tally:
             losses = {}
             for engine, rewards in rewards_by_engine(group).items():
                 there = [trial for trial in group if trial.engine == engine]
-                losses[engine] = count_lost(float(np.mean(rewards)), there, tie)
+                losses[engine] = count_lost(float(np.mean(rewards)), there, TIE)
 
             tally.trials[number] = tuple(group)
             tally.losses[number] = losses
@@ -583,11 +578,6 @@ def summarise_rewards(rewards: Sequence[float]) -> dict[str, Any]:
         "std": float(np.std(rewards)),
         "rewards": list(rewards),
     }
-
-
-def worst_mean(rewards: Mapping[str, Sequence[float]]) -> float:
-    """Return the mean reward in the engine where it is the lowest. ``rewards``: by engine, one engine or more."""
-    return min(float(np.mean(earned)) for earned in rewards.values())
 
 
 def count_rollouts(candidate: str, trials: Iterable[Trial]) -> int:

@@ -80,15 +80,12 @@ class Bill(NamedTuple):
     @classmethod
     def of(cls, replies: Sequence[Reply]) -> Bill:
         """Add up replies."""
-        return cls(
-            len(replies),
-            sum(reply.error is not None for reply in replies),
-            sum_known(reply.prompt_tokens for reply in replies),
-            sum_known(reply.completion_tokens for reply in replies),
-            sum_known(reply.cost_usd for reply in replies),
-            sum_known(reply.cached_tokens for reply in replies),
-            sum_known(reply.saved_usd for reply in replies),
-        )
+        errors = sum(reply.error is not None for reply in replies)
+        sums = {
+            name: sum_known(getattr(reply, name) for reply in replies)
+            for name in cls._fields[2:]
+        }
+        return cls(len(replies), errors, **sums)
 
 
 def sum_known(values: Iterable[N | None]) -> N | None:

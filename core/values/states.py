@@ -137,22 +137,9 @@ class State:
         """The size of the box along the world's axes around a soft body's nodes, (..., 3)."""
         return np.ptp(self.nodes(name), axis=-2)
 
-    def length(self, name: str, first: int = 0, last: int = -1) -> Array:
-        """The length of the way through a soft body's nodes.
-
-        Args:
-            name: of the soft body.
-            first: the number of the node where it begins; a negative one counts from the end.
-            last: the number of the node where it ends.
-
-        Returns:
-            Lengths (...), metres.
-        """
-        nodes = self.nodes(name)
-        count = nodes.shape[-2]
-        way = nodes[..., first % count : last % count + 1, :]
-
-        return step_lengths(way).sum(axis=-1)
+    def length(self, name: str) -> Array:
+        """The length of the way through a soft body's nodes, m, (...)."""
+        return step_lengths(self.nodes(name)).sum(axis=-1)
 
     def covered_area(self, name: str) -> Array:
         """The area of the convex hull of a soft body's nodes as seen from above, m^2, (...)."""

@@ -3,6 +3,7 @@
 import contextlib
 import itertools
 import json
+import statistics
 from dataclasses import replace
 
 import numpy as np
@@ -27,7 +28,7 @@ from core.search.finalists import (
 from core.search.orchestration import resume, run
 from core.search.trials import Trials
 from core.store.reader import StoredRun
-from core.trial import TIE, Tally, best_first, rewards_by_engine, worst_mean
+from core.trial import TIE, Tally, best_first, rewards_by_engine
 from core.values.efforts import Held
 from core.values.margins import Margin
 from plugins.conformance.evaluations import tried_once
@@ -266,7 +267,7 @@ class Search(Several):
         ]
 
     def score(self, candidate, trials):
-        return Score(worst_mean(rewards_by_engine(trials)))
+        return Score(min(map(statistics.mean, rewards_by_engine(trials).values())))
 
 
 def evaluate(*designs, best=0.0, order=None):

@@ -104,4 +104,3 @@ def test_the_state_has_nodes_and_measures_them_in_many_worlds():
 def test_the_length_of_a_rope_goes_along_it():
     state = Scene((soft(ROPE),)).state()
     assert state.length("it") == pytest.approx(0.4, rel=0.01)
-    assert state.length("it", 0, 10) == pytest.approx(0.2)
