@@ -43,22 +43,16 @@ class PreparedScene:
         self.launched = [body for body in scene.free if body.launched]
         self.gravity = scene.gravity
         self.names = tuple(body.name for body in scene.free)
-        self.offsets: dict[str, Pose | None] = {}
+        self.offsets: dict[str, Pose] = {}
         for tree in self.trees:
             self.offsets |= tree.offsets
 
         # Of the free bodies whose frame is not at their centre of mass.
-        self._shifted = []
-        positions = []
-        turns = []
-        for number, name in enumerate(self.names):
-            offset = self.offsets[name]
-            if offset is not None:
-                self._shifted.append(number)
-                positions.append(offset.position)
-                turns.append(offset.rotation.as_quat())
-
-        self._positions = np.array(positions)
+        offsets = [self.offsets[name] for name in self.names]
+        self._shifted = [k for k, offset in enumerate(offsets) if offset != Pose()]
+        shifted = [offsets[k] for k in self._shifted]
+        self._positions = np.array([offset.position for offset in shifted])
+        turns = [offset.rotation.as_quat() for offset in shifted]
         self._turns = np.reshape(turns, (-1, 4))  # x, y, z, w
 
     def count_steps(self, time_step: float) -> int:

@@ -23,7 +23,7 @@ class Bonds(bonds.Bonds):
         client: the world, its bodies at their initial poses.
         scene: has the bonds.
         places: of the bodies, by name.
-        offsets: of the free bodies' frames in those of their centres of mass; None: they are the same.
+        offsets: of the free bodies' frames in those of their centres of mass.
     """
 
     def __init__(
@@ -31,7 +31,7 @@ class Bonds(bonds.Bonds):
         client: Client,
         scene: Scene,
         places: Mapping[str, Place],
-        offsets: Mapping[str, Pose | None],
+        offsets: Mapping[str, Pose],
     ) -> None:
         super().__init__(scene.bonds)
         self._client = client
@@ -39,14 +39,14 @@ class Bonds(bonds.Bonds):
 
         for bond in scene.bonds:
             body, link = places[bond.body]
-            point = (offsets[bond.body] or Pose()).apply(bond.origin)
+            point = offsets[bond.body].apply(bond.origin)
             other = (-1, -1)
             there = scene.find_anchor(bond)
             if bond.parent is not None and scene[bond.parent].fixed:
                 there = scene[bond.parent].pose.apply(there)
             elif bond.parent is not None:
                 other = places[bond.parent]
-                there = (offsets[bond.parent] or Pose()).apply(there)
+                there = offsets[bond.parent].apply(there)
 
             number = client.createConstraint(
                 body,

@@ -26,12 +26,12 @@ from core.values.descriptions import (
 from plugins.simulators.inertia import Inertia, inertia_of
 from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.pybullet.mechanisms import Place
+from plugins.simulators.pybullet.robot import joint_numbers
 from plugins.simulators.pybullet.urdf_links import (
     DIGITS,
     collisions_of,
     dynamics_of,
     inertial,
-    offset_of,
     text_file,
 )
 from plugins.simulators.step_lengths import MILD
@@ -61,7 +61,7 @@ class PreparedTree:
         frame: where its first link is in the world.
         joints: parents first.
         dynamics: PyBullet's settings of each body.
-        offsets: each body's frame in PyBullet's, that of its centre of mass; None if they are the same.
+        offsets: each body's frame in PyBullet's, that of its centre of mass.
         rate: the highest, 1/s, at which springs and latches swing a joint, or dampers stop it.
         joined: pairs of bodies that don't touch.
     """
@@ -71,7 +71,7 @@ class PreparedTree:
     frame: Pose
     joints: tuple[Joint, ...]
     dynamics: dict[str, dict[str, float]]
-    offsets: dict[str, Pose | None]
+    offsets: dict[str, Pose]
     rate: float
     joined: frozenset[frozenset[str]]
 
@@ -114,7 +114,7 @@ class PreparedTree:
                 inertia = inertia_of(body)
                 weight = replace(inertia, frame=place @ inertia.frame)
                 weights[body.name] = weight
-                offsets[body.name] = offset_of(inertia)
+                offsets[body.name] = inertia.frame.inverse()
 
             shapes = collisions_of(body, folder, place)
             described[name] = RobotLink(name, inertial(weight), shapes)
@@ -165,13 +165,6 @@ class PreparedTree:
             flags=flags,
         )
         places = self._find_places(client, number)
-
-        client.changeDynamics(
-            number,
-            -1,
-            linearDamping=0,
-            angularDamping=0,
-        )
         for body, dynamics in self.dynamics.items():
             client.changeDynamics(*places[body], **dynamics)
 
@@ -197,11 +190,7 @@ class PreparedTree:
 
     def _find_places(self, client: Client, number: int) -> dict[str, Place]:
         """Find the bodies in the multibody of this number."""
-        links = {}
-        for link in range(len(self.joints)):
-            info = client.getJointInfo(number, link)
-            links[info[12].decode()] = info[0]
-
+        _, links = joint_numbers(client, number)
         places = {}
         for i, joint in enumerate(self.joints):
             places[joint.body] = (number, links[str(i)])
@@ -236,29 +225,16 @@ def prepare_trees(scene: Scene, folder: Path) -> list[PreparedTree]:
         roots[joint.body] = root
         trees.setdefault(root, []).append(joint)
 
-    prepared = []
     jointed = {*roots, *trees}
-    for body in scene.bodies:
-        if body.collisions and body.name not in jointed:
-            prepared.append(
-                PreparedTree.of(
-                    scene,
-                    body,
-                    (),
-                    folder,
-                )
-            )
-
-    for name, joints in trees.items():
+    single: dict[str, list[Joint]] = {
+        body.name: []
+        for body in scene.bodies
+        if body.collisions and body.name not in jointed
+    }
+    prepared = []
+    for name, joints in (single | trees).items():
         root_body = None if name in roots else scene[name]
-        prepared.append(
-            PreparedTree.of(
-                scene,
-                root_body,
-                joints,
-                folder,
-            )
-        )
+        prepared.append(PreparedTree.of(scene, root_body, joints, folder))
 
     return prepared
 

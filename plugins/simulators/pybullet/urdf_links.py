@@ -46,14 +46,6 @@ def dynamics_of(body: Body, jointed: bool) -> dict[str, float]:
     }
 
 
-def offset_of(inertia: Inertia) -> Pose | None:
-    """Return a body's frame in that of its centre of mass; None if they are the same."""
-    if inertia.frame == Pose():
-        return None
-
-    return inertia.frame.inverse()
-
-
 def collisions_of(body: Body, folder: Path, place: Pose) -> tuple[RobotShape, ...]:
     """Describe the collision parts of a body at a place in its link; meshes are written to ``folder``."""
     shapes = []

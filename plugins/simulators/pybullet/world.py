@@ -138,11 +138,10 @@ class World(FreshWorld):
             number, _ = self._places[body.name]
             linear = np.array(body.velocity, dtype=np.float64)
             offset = self._scene.offsets[body.name]
-            if offset is not None:  # PyBullet takes the velocity of the centre of mass
-                _, quaternion = self.client.getBasePositionAndOrientation(number)
-                turn = Rotation.from_quat(quaternion).as_matrix()
-                linear -= np.cross(body.spin, turn @ offset.position)
-
+            # PyBullet takes the velocity of the centre of mass.
+            _, quaternion = self.client.getBasePositionAndOrientation(number)
+            turn = Rotation.from_quat(quaternion).as_matrix()
+            linear -= np.cross(body.spin, turn @ offset.position)
             self.client.resetBaseVelocity(number, linear.tolist(), body.spin)
 
     def note_torques(self) -> tuple[float, ...]:
