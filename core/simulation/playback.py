@@ -327,9 +327,6 @@ class Alone(Worlds):
         self.time_step = world.time_step
         self.rewinds = world.rewinds
 
-    def settle(self, blocks: Sequence[Block]) -> list[Passed]:
-        return [self._world.settle(blocks[0])]
-
     def launch(self) -> None:
         self._world.launch()
 
@@ -408,7 +405,7 @@ def play_together(worlds: Worlds, jobs: Sequence[Rollout]) -> list[Outcome]:
     if any(player.is_filmed for player in players):
         firsts = worlds.note()
 
-    settled = worlds.settle([player.settling() for player in players])
+    settled = worlds.advance([player.settling() for player in players])
     worlds.launch()
     for player, first, passed, now in zip(
         players, firsts, settled, worlds.note(), strict=True

@@ -469,7 +469,7 @@ class World(ABC):
     """An engine's world with a scene and the robot, which `core.simulation.playback` plays a job in.
 
     An engine says how its world steps, and how joints and bodies stand: `step`, `joints` and `state`. It says more if
-    it can do more (`launch`, `pushes`, `contact_forces`, `note_torques`), or faster (`note` with `read`, `settle`,
+    it can do more (`launch`, `pushes`, `contact_forces`, `note_torques`), or faster (`note` with `read`,
     `advance`, and `save` with `restore`). What it can't do it leaves out of `Simulator.supports`.
 
     Attributes:
@@ -506,10 +506,6 @@ class World(ABC):
         By default nothing moves by itself.
         """
         return
-
-    def settle(self, block: Block) -> Passed:
-        """Take the steps before the motion begins. A world that is used again may return to what they led to before."""
-        return self.advance(block)
 
     def advance(self, block: Block) -> Passed:
         """Take the steps of a block, with notes at its marks, and readings."""
@@ -591,16 +587,12 @@ class World(ABC):
 class Worlds(ABC):
     """Several worlds that an engine steps together, each with a job of its own; its methods are those of `World`.
 
-    They are stepped in lockstep: a block is as long for each of them, but for those whose job ends within it. A world
-    whose job is over gets blocks of no steps.
+    They are stepped in lockstep: a block is as long for each of them, but for those whose job ends within it, and they
+    settle for equally many steps. A world whose job is over gets blocks of no steps.
     """
 
     time_step: float
     rewinds: bool = False
-
-    @abstractmethod
-    def settle(self, blocks: Sequence[Block]) -> list[Passed]:
-        """Take the steps before the motions begin, equally many in each world."""
 
     @abstractmethod
     def launch(self) -> None:

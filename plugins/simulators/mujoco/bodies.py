@@ -167,9 +167,6 @@ class Moving:
         self._names = tuple(body.name for body in _rigid(scene))
         self._softs = Softs(scene, model)
 
-        # Without joints and soft bodies theirs are the last ones.
-        self._first_position = model.nq - 7 * len(self._names)
-        self._first_speed = model.nv - 6 * len(self._names)
         self._places: dict[str, _Place] = {}
         for name in self._names:
             joint = model.joint(_name(scene, name))
@@ -182,6 +179,15 @@ class Moving:
             )
 
         self._hung = scene.ordered_joints
+        hung = {placed.joint.body for placed in self._hung}
+        self._loose = tuple(name for name in self._names if name not in hung)
+        loose = [self._places[name] for name in self._loose]
+        numbers = np.arange(model.nq)
+        positions = [numbers[place.position] for place in loose]
+        speeds = [numbers[place.speed] for place in loose]
+        self._positions = np.array(positions, dtype=int).ravel()
+        self._speeds = np.array(speeds, dtype=int).ravel()
+
         joints = [placed.joint for placed in self._hung]
         self.drives = [joint.drive for joint in joints if joint.drive]
         self.launched = [body for body in scene.free if body.launched]
@@ -192,12 +198,12 @@ class Moving:
 
         MuJoCo knows a body that hangs from another by its joint alone, so its pose is computed, parents first.
         """
+        loose = state(self._loose, qpos[..., self._positions], qvel[..., self._speeds])
         if not self._hung and not self._scene.softs:
-            positions = qpos[..., self._first_position :]
-            return state(self._names, positions, qvel[..., self._first_speed :])
+            return loose
 
-        found, nodes = self._softs.read(qpos, qvel)
-        found |= self._place_rigid(qpos, qvel)
+        softs, nodes = self._softs.read(qpos, qvel)
+        found = self._place_rigid(loose, qpos, qvel) | softs
         names = tuple(body.name for body in self._scene.free)
         shape = qpos.shape[:-1]
         arrays = []
@@ -207,30 +213,29 @@ class Moving:
 
         return State(names, *arrays, soft=nodes)
 
-    def _place_rigid(self, qpos: Array, qvel: Array) -> dict[str, Placement]:
-        """Place the rigid bodies by positions (..., Q) and speeds (..., V): a parent first, then what hangs from it."""
-        found: dict[str, Placement] = {}
+    def _place_rigid(
+        self, loose: State, qpos: Array, qvel: Array
+    ) -> dict[str | None, Placement]:
+        """Place the rigid bodies: a parent first, then what hangs from it.
+
+        Args:
+            loose: the state of those without a joint.
+            qpos: positions (..., Q).
+            qvel: speeds (..., V).
+        """
+        found: dict[str | None, Placement] = {None: Placement.at_rest(Pose())}
         for name, pose in self._scene.places.items():
             found[name] = Placement.at_rest(pose)
 
-        hung = {placed.joint.body: placed for placed in self._hung}
+        for name in self._loose:
+            found[name] = loose.placement(name)
 
-        for name, place in self._places.items():
-            if name not in hung:
-                position = qpos[..., place.position]
-                speed = qvel[..., place.speed]
-                free = state((name,), position, speed)
-                found[name] = Placement(*(array[..., 0, :] for array in free.arrays))
-
-        world = Placement.at_rest(Pose())
-        for name, placed in hung.items():
-            place = self._places[name]
+        for placed in self._hung:
+            place = self._places[placed.joint.body]
             position = qpos[..., place.position]
-            speed = qvel[..., place.speed]
-            value, rate = _local(placed, position, speed)
-            above = placed.joint.parent
-            parent = world if above is None else found[above]
-            found[name] = placed.carry(value, rate, parent)
+            value, rate = _local(placed, position, qvel[..., place.speed])
+            parent = found[placed.joint.parent]
+            found[placed.joint.body] = placed.carry(value, rate, parent)
 
         return found
 

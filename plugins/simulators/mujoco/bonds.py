@@ -73,13 +73,3 @@ class Bonds(bonds.Bonds):
 
     def release(self, number: int) -> None:
         self._data.eq_active[self._numbers[number]] = 0
-
-    def copy(self) -> tuple[Array, list[Array]]:
-        """Copy which bonds hold, and the forces of all steps."""
-        return self._holds.copy(), [*self._forces]
-
-    def begin(self, copied: tuple[Array, list[Array]]) -> None:
-        """Go on from a copy; the world's data goes with it."""
-        holds, forces = copied
-        self._holds = holds.copy()
-        self._forces = [*forces]

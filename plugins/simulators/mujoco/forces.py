@@ -140,7 +140,7 @@ class Meter:
     """Measure what things press on each other with: the tool and the arm's links first, then the scene's bodies.
 
     A step only copies what the engine says; `pack` has the contacts of many steps, and makes sense of them at once.
-    `begin` goes before the motion, `measure` after each step, and `mean_forces` to its end.
+    `measure` goes after each step, and `mean_forces` to the end of the motion.
 
     Args:
         scene: has the bodies.
@@ -184,11 +184,6 @@ class Meter:
 
         self._packed: list[Measured] = []
         self._steps: list[_Step] = []  # not packed yet
-
-    def begin(self, packed: Sequence[Measured]) -> None:
-        """Begin anew, after steps that were measured before."""
-        self._packed = [*packed]
-        self._steps = []
 
     def measure(self, data: Element) -> None:
         """Copy the contacts of the last step."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from plugins.simulators.mujoco.bodies import Moving
 from plugins.simulators.mujoco.bonds import Bonds
 from plugins.simulators.mujoco.contacts import is_discrete
 from plugins.simulators.mujoco.engine import mujoco, rollout, warnings_caught
-from plugins.simulators.mujoco.forces import Feeler, Measured, Meter
+from plugins.simulators.mujoco.forces import Feeler, Meter
 from plugins.simulators.mujoco.motors import Motors
 from plugins.simulators.mujoco.shapes import Element
 
@@ -30,37 +29,11 @@ _Note = int
 """A snapshot: how many steps the job has done. The world keeps the states after all of them."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Settled:
-    """A world after S steps that held joints (J,).
-
-    Attributes:
-        joints: the positions that were held (J,).
-        states: after each step (S, X).
-        data: all of MuJoCo's at the end.
-        measured: the contacts, if they were measured.
-        bonds: see `Bonds.copy`.
-    """
-
-    joints: Array
-    states: Array
-    data: Element
-    measured: list[Measured]
-    bonds: tuple[Array, list[Array]]
-
-    def serves(self, joints: Array, count: int, *, measured: bool) -> bool:
-        """Check if it is what comes of so many steps with these joints (J,), ``measured`` or not."""
-        if len(self.states) != count or not np.array_equal(self.joints, joints):
-            return False
-
-        return not measured or sum(part.length for part in self.measured) == count
-
-
 class World(interfaces.World):
     """A world that jobs are played in one after another; `begin` comes before each of them.
 
     MuJoCo steps a whole block in one call, for which all controls are made before; it steps singly where latches pull
-    or forces are measured. The world keeps what it settled to, and the next job that begins alike returns to that.
+    or forces are measured.
 
     Args:
         robot: the arm.
@@ -87,8 +60,7 @@ class World(interfaces.World):
 
         # After each step of a job, the first before them all; they are overwritten by the next job.
         self._states = np.empty((1, mujoco.mj_stateSize(model, _STATE)))
-        self._settled: _Settled | None = None
-        self._held = np.empty(0)
+
         self._meter: Meter | None = None
         self._bonds = Bonds(scene, model, self._data)
         self._done = 0
@@ -103,7 +75,7 @@ class World(interfaces.World):
         """Begin anew, with the robot at the first targets of a job's motion, and the tool's joints held."""
         trajectory = job.trajectory
         fingers = [trajectory.fingers[0]] * self._joints.grip
-        self._held = np.append(trajectory.arm[0], fingers)
+
         self._meter = None
         if job.forces and job.record_hz > 0:
             self._meter = Meter(self._scene, self._model)
@@ -112,7 +84,7 @@ class World(interfaces.World):
         self._done = 0
         self._moved = -np.inf
         mujoco.mj_resetData(self._model, self._data)
-        self._data.qpos[self._joints.driven] = self._held
+        self._data.qpos[self._joints.driven] = [*trajectory.arm[0], *fingers]
         self._joints.hold(self._model, held=True)
 
     def step(
@@ -141,13 +113,10 @@ class World(interfaces.World):
             np.array([finger_speed]),
             steps * back,
         )
-        self._data.ctrl[:] = control[0]
-        self._moving.pull(self._model, self._data)
         self._done += 1
         self._moved += 1
         with warnings_caught():  # a world that diverges shows it in its state too
-            mujoco.mj_step(self._model, self._data)
-        self._bonds.end_step()
+            self._step_singly(self._read_state()[None], control, None)
 
     def joints(self) -> tuple[Array, Array]:
         """Return the arm's joints (A,), and the fingers' with the tool's (F + K,)."""
@@ -163,34 +132,6 @@ class World(interfaces.World):
         self._moved = 0.0
         self._moving.launch(self._data.qpos, self._data.qvel)
         self._joints.hold(self._model, held=False)
-
-    def settle(self, block: Block) -> Passed:
-        """Let the world settle; what comes of it is kept, since many motions begin the same way."""
-        meter = self._meter
-        known = self._settled
-        measured = meter is not None
-        if known is None or not known.serves(self._held, len(block), measured=measured):
-            states = self._run(block)[1:].copy()
-            data = mujoco.MjData(self._model)
-            mujoco.mj_copyData(data, self._model, self._data)
-            contacts = [*meter.pack()] if meter is not None else []
-            known = _Settled(
-                self._held,
-                states,
-                data,
-                contacts,
-                self._bonds.copy(),
-            )
-            self._settled = known
-        else:
-            # All data is copied, since a state does not say which bodies sleep.
-            mujoco.mj_copyData(self._data, self._model, known.data)
-            self._bonds.begin(known.bonds)
-            if meter is not None:
-                meter.begin(known.measured)
-            self._find_states(block)[1:] = known.states
-
-        return Passed(self._take_notes(block))
 
     def advance(self, block: Block) -> Passed:
         """Take the steps of a block.

@@ -118,9 +118,6 @@ class Worlds(interfaces.Worlds):
                 self._graph = capture.graph
                 self._reset()
 
-    def settle(self, blocks: Sequence[Block]) -> list[Passed]:
-        return self.advance(blocks)
-
     def launch(self) -> None:
         """Give joints their springs and dry friction."""
         for name in ("jnt_stiffness", "dof_frictionloss"):
