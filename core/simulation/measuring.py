@@ -10,43 +10,21 @@ from core.interfaces import Fitness, Motion, Outcome, Task
 from core.plugins import installed
 from core.trial import WHAT_DECIDES, Figure, Trial, mean_figure
 
-
-def measure_distance(task: Task, motion: Motion, outcome: Outcome) -> float:
-    """Return the way of the end-effector's origin from home through all waypoints, metres."""
-    return motion.distance_m
-
-
-def measure_time(task: Task, motion: Motion, outcome: Outcome) -> float:
-    """Return the time of the motion, s."""
-    return motion.trajectory.duration
-
-
-def measure_miss(task: Task, motion: Motion, outcome: Outcome) -> float:
-    """Return the largest miss of the inverse kinematics along the plan, metres."""
-    return float(motion.misses[:, 0].max())
-
-
-def measure_turn_miss(task: Task, motion: Motion, outcome: Outcome) -> float:
-    """Return the largest miss of the inverse kinematics along the plan, radians."""
-    return float(motion.misses[:, 1].max())
-
-
-def measure_lag(task: Task, motion: Motion, outcome: Outcome) -> float:
-    """Return the largest lag of a joint behind its target, radians."""
-    return outcome.tracking_error_rad
-
-
 BUILT_IN = {
     "distance_m": Figure(
-        measure_distance,
+        lambda task, motion, outcome: motion.distance_m,
         column="distance (m)",
         words="the way of the end-effector's origin",
     ),
-    "motion_s": Figure(measure_time),
-    "ik_error_m": Figure(measure_miss),
-    "ik_error_rad": Figure(measure_turn_miss),
-    "tracking_error_rad": Figure(measure_lag),
+    "motion_s": Figure(lambda task, motion, outcome: motion.trajectory.duration),
+    "ik_error_m": Figure(lambda task, motion, outcome: motion.misses[:, 0].max()),
+    "ik_error_rad": Figure(lambda task, motion, outcome: motion.misses[:, 1].max()),
+    "tracking_error_rad": Figure(
+        lambda task, motion, outcome: outcome.tracking_error_rad
+    ),
 }
+"""The way from home through all waypoints, the motion's time, the largest misses of the inverse kinematics along the
+plan, and the largest lag of a joint behind its target, rad."""
 
 
 @lru_cache(maxsize=1)

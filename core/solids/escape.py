@@ -46,6 +46,7 @@ CELL_M = 0.01
 _SHIFT_M = 0.15  # a move of the tree, at most
 _TURN_RAD = 0.8
 _LEAST_STEP_M = 5e-4
+_AXES = np.concatenate([np.eye(3), -np.eye(3)])  # the directions of slides (6, 3)
 
 
 class Trap(NamedTuple):
@@ -62,12 +63,6 @@ def _directions() -> Array:
     steps = product((1.0, 0.0), (0.0, 1.0, -1.0), (0.0, 1.0, -1.0))
     ways = [(x, y, up) for up, x, y in steps if (x, y, up) != (0.0, 0.0, 0.0)]
     return np.array([np.divide(way, np.linalg.norm(way)) for way in ways])
-
-
-@lru_cache(maxsize=1)
-def _axes() -> Array:
-    """The directions (6, 3) along the world's axes."""
-    return np.concatenate([np.eye(3), -np.eye(3)])
 
 
 def find_trap(parts: Sequence[Solid], obstacles: Obstacles) -> Trap | None:
@@ -159,7 +154,7 @@ class _Tree:
 
         for _ in range(SLIDES):
             reached = []
-            for start, axis in product(level, _axes()):
+            for start, axis in product(level, _AXES):
                 for pose in self._slide(start, axis):
                     place = tuple(np.round(pose.position / CELL_M).astype(int).tolist())
                     if place in known:

@@ -38,7 +38,6 @@ from core.solids.tracks import (
     SAMPLE_HZ,
     Indices,
     Tracks,
-    bound_speed,
     follow,
     lengths,
 )
@@ -298,7 +297,10 @@ def _bound_robots_speed(tracks: Tracks) -> float:
     Returns:
         The speed, m/s.
     """
-    count = min(len(tracks.times) - 1, round(0.1 * SAMPLE_HZ))
+    times = tracks.times
+    count = max(1, min(len(times) - 1, round(0.1 * SAMPLE_HZ)))
     robots = [track.travel for track in tracks.items if track.owner == ROBOT]
+    travel = np.reshape(robots, (-1, len(times)))
+    moved = travel[:, count:] - travel[:, :-count]
 
-    return bound_speed(robots, tracks.times, max(1, count))
+    return float((moved / (times[count:] - times[:-count])).max(initial=0.0))

@@ -115,18 +115,12 @@ def _mark_meetings(rows: Rows, parts: slice, scene: Scene) -> Flags:
     low = obstacles.centers - obstacles.halves - _NEAR_M
     high = obstacles.centers + obstacles.halves + _NEAR_M
 
-    # Most bodies are never near.
-    below = rows.low.min(axis=1)[:, None] <= high
-    above = rows.high.max(axis=1)[:, None] >= low
-    met = np.flatnonzero((below & above).all(axis=2).any(axis=0))
-
-    # Of each solid of the robot, in each interval, and for each that is met.
-    below = rows.low[:, :-1, None] <= high[met]
-    above = rows.high[:, :-1, None] >= low[met]
+    # Of each solid of the robot, in each interval, and for each of a body.
+    below = rows.low[:, :-1, None] <= high
+    above = rows.high[:, :-1, None] >= low
     near = (below & above).all(axis=3)
 
-    owners = [obstacles.solids[number].owner for number in met]
-    free = [not scene[owner].fixed for owner in owners]
+    free = [not scene[solid.owner].fixed for solid in obstacles.solids]
     stirred = near[:, :, np.array(free, dtype=bool)].any(axis=(0, 2))
     marked: Flags = near[parts].any(axis=(0, 2))
     marked |= np.logical_or.accumulate(stirred)

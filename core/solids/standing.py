@@ -240,7 +240,7 @@ class Flight(NamedTuple):
 
 def find_fast(scene: Scene) -> Iterator[str]:
     """Yield a line for each body that moves by itself so fast that no engine's steps are fine enough."""
-    for flight in find_flights(scene):
+    for flight in list_flights(scene):
         if flight.rate > MOST_HZ:
             thin = f"{1000 * flight.thin:.2g} mm"
             yield (
@@ -267,20 +267,16 @@ def find_rate(scene: Scene, states: State) -> float:
     return min(max(rates), MOST_HZ)
 
 
-@lru_cache(maxsize=8)
-def list_flights(scene: Scene) -> tuple[Flight, ...]:
-    """List the bodies that are thrown, or fall before anything touches them, see `find_flights`."""
-    return tuple(find_flights(scene))
-
-
 def list_hung(scene: Scene) -> set[str]:
     """List the bodies that joints or bonds hold."""
     return {joint.body for joint in scene.joints} | {bond.body for bond in scene.bonds}
 
 
-def find_flights(scene: Scene) -> Iterator[Flight]:
-    """Yield the bodies that are thrown, or fall before anything touches them."""
+@lru_cache(maxsize=8)
+def list_flights(scene: Scene) -> list[Flight]:
+    """List the bodies that are thrown, or fall before anything touches them."""
     boxes = bound_upright(scene)
+    flights = []
     pull = float(np.linalg.norm(scene.gravity))
     hung = list_hung(scene)
     thin = {
@@ -305,9 +301,10 @@ def find_flights(scene: Scene) -> Iterator[Flight]:
             if name != body.name and (thrown or _is_below(body.name, name, boxes))
         ]
         thinnest = min([thin[body.name], *(thin[name] for name in met)])
-        yield Flight(
-            body.name, float(np.hypot(thrown, np.sqrt(2 * pull * fall))), thinnest
-        )
+        speed = float(np.hypot(thrown, np.sqrt(2 * pull * fall)))
+        flights.append(Flight(body.name, speed, thinnest))
+
+    return flights
 
 
 def _is_below(name: str, other: str, boxes: Mapping[str, Box]) -> bool:

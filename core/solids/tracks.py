@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
@@ -216,24 +215,6 @@ def angles(rotations: Array, after: Array) -> Array:
     """
     chords = lengths((after - rotations).reshape(*rotations.shape[:-2], 9))
     return 2 * np.arcsin(np.minimum(chords / math.sqrt(8), 1.0))
-
-
-def bound_speed(travels: Sequence[Array], times: Array, count: int = 1) -> float:
-    """Bound the speed of any point of solids.
-
-    Args:
-        travels: (T,) of each solid, how far any of its points has moved at T samples, metres, at most.
-        times: (T,) of the samples, seconds.
-        count: of the intervals that it is averaged over.
-
-    Returns:
-        The speed, m/s.
-    """
-    travel = np.reshape(travels, (-1, len(times)))
-    moved = travel[:, count:] - travel[:, :-count]
-    speeds = moved / (times[count:] - times[:-count])
-
-    return float(speeds.max(initial=0.0))
 
 
 def follow(

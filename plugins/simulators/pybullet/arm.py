@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from core.design import Tool, ToolJoint
+from core.design import Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory, Robot
 from core.robot.description import beyond, joint_name
+from core.scene import Joint
 from plugins.simulators.links import bearers, friction_of
 from plugins.simulators.pybullet.engine import Client, read_rows
 from plugins.simulators.pybullet.engine import pybullet as p
+from plugins.simulators.pybullet.mechanisms import Place
 from plugins.simulators.pybullet.robot import driven_links, joint_numbers, load_robot
 
 _HELD = 1e4  # N m or N, of a motor that holds a joint of the tool
@@ -62,7 +64,6 @@ class ArticulatedArm:
         self._loose = [joints[joint_name(bearer.name)] for bearer in tool.bearers]
         self._noted = [*self._joints, *self._loose]
         self._hung = [bearer.joint for bearer in tool.bearers]
-        self._springs: list[tuple[int, ToolJoint]] = []  # once the motion begins
 
         arm = self._joints[: self._arm]
         self._forces = [client.getJointInfo(self.number, joint)[10] for joint in arm]
@@ -128,20 +129,21 @@ class ArticulatedArm:
                 self.number, number, p.POSITION_CONTROL, targetPosition=0, force=_HELD
             )
 
-    def launch(self) -> None:
-        """Let the tool's joints go: their dampers are in the description, the rest acts from here on."""
-        self._springs = []
+    def list_loose(self) -> Iterator[tuple[Place, Joint]]:
+        """Yield the tool's joints, which are let go once the motion begins."""
         for number, joint in zip(self._loose, self._hung, strict=True):
-            # A motor at rest is dry friction.
-            self._client.setJointMotorControl2(
-                self.number,
-                number,
-                p.VELOCITY_CONTROL,
-                targetVelocity=0,
-                force=joint.friction,
+            yield (
+                (self.number, number),
+                Joint(
+                    "",
+                    joint.kind,
+                    "",
+                    damping=joint.damping,
+                    friction=joint.friction,
+                    stiffness=joint.stiffness,
+                    rest=joint.rest,
+                ),
             )
-            if joint.stiffness > 0:
-                self._springs.append((number, joint))
 
     def drive(
         self,
@@ -150,7 +152,7 @@ class ArticulatedArm:
         speeds: Sequence[float],
         finger_speed: float,
     ) -> None:
-        """Set motors and springs for the next step, see `World.step`."""
+        """Set the motors for the next step, see `World.step`."""
         targets = [*arm, *[fingers] * self._fingers]
         velocities = [*speeds, *[finger_speed] * self._fingers]
         orders = (targets, velocities)
@@ -167,13 +169,6 @@ class ArticulatedArm:
                 self._gains,
                 self._velocity_gains,
                 self._client.number,
-            )
-
-        for number, joint in self._springs:
-            value = self._client.getJointState(self.number, number)[0]
-            torque = joint.stiffness * (joint.rest - value)
-            self._client.setJointMotorControl2(
-                self.number, number, p.TORQUE_CONTROL, force=torque
             )
 
     def note_torques(self) -> tuple[float, ...]:

@@ -1,7 +1,5 @@
 """Import PyBullet without the line that its C code prints on import; and call it for one of its worlds."""
 
-import os
-import sys
 import weakref
 from collections.abc import Sequence
 from functools import partial
@@ -12,21 +10,15 @@ import numpy as np
 
 from core.errors import UserError
 from core.geometry import Array
+from plugins.simulators.quiet import quiet
 
-sys.stderr.flush()
-_stderr = os.dup(2)
-_nowhere = os.open(os.devnull, os.O_WRONLY)
-os.dup2(_nowhere, 2)
 try:
-    import pybullet
+    with quiet():
+        import pybullet
 except ModuleNotFoundError as error:
     raise UserError(
         "sim=pybullet needs PyBullet: pip install pybullet (wheels exist for Linux and Python 3.11 or older)"
     ) from error
-finally:
-    os.dup2(_stderr, 2)
-    os.close(_stderr)
-    os.close(_nowhere)
 
 
 class Client:

@@ -18,12 +18,10 @@ Place = tuple[int, int]
 
 
 class Mechanism:
-    """The joints between the bodies of a world: friction, dampers, springs, latches and drives.
+    """The joints between the bodies of a world, or of a tool: friction, dampers, springs, latches and drives.
 
     Call `drive` before each step if it acts, and `launch` once, when the robot's motion begins.
 
-    Attributes:
-        acts: whether any joint is driven, sprung or latched.
 
     Args:
         client: the world.
@@ -47,15 +45,22 @@ class Mechanism:
         self._driven: list[tuple[Place, Joint, Drive, Lift]] = []
         self._pulled: list[tuple[Place, Joint]] = []
         for place, joint in joints:
-            self._resist(place, joint)
-            client.changeDynamics(*place, jointDamping=joint.damping)
-            if joint.drive:
-                driven = place, joint, joint.drive, Lift(time_step)
-                self._driven.append(driven)
-            if joint.stiffness or joint.latches:
-                self._pulled.append((place, joint))
+            self.add(place, joint)
 
-        self.acts = bool(self._driven or self._pulled)
+    @property
+    def acts(self) -> bool:
+        """Whether any joint is driven, sprung or latched."""
+        return bool(self._driven or self._pulled)
+
+    def add(self, place: Place, joint: Joint) -> None:
+        """Let a joint act from here on."""
+        self._resist(place, joint)
+        self._client.changeDynamics(*place, jointDamping=joint.damping)
+        if joint.drive:
+            driven = place, joint, joint.drive, Lift(self._time_step)
+            self._driven.append(driven)
+        if joint.stiffness or joint.latches:
+            self._pulled.append((place, joint))
 
     def _resist(self, place: Place, joint: Joint) -> None:
         """Set a motor at rest, which is dry friction; PyBullet's own would hold the joint."""

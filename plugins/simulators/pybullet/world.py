@@ -131,7 +131,8 @@ class World(FreshWorld):
             self.end_step()
 
     def launch(self) -> None:
-        self._arm.launch()
+        for place, joint in self._arm.list_loose():
+            self._mechanism.add(place, joint)
         self._mechanism.launch()
 
         for body in self._scene.launched:

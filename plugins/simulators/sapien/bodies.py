@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from core.geometry import Array, Cylinder
+from core.geometry import Cylinder
 from core.scene import Body, Joint, Scene, State
 from core.values.joints import rotate
 from plugins.simulators.inertia import ROTOR, Inertia, inertia_of, principal
@@ -30,25 +30,6 @@ _LEAST_ROLLING = 0.01
 _BRAKE_EVERY = 0.02
 
 Floats = npt.NDArray[np.float32]
-
-
-def check_pack(unpacked: Floats | Array, expected: Array) -> None:
-    """Check that a world that was just made is read as it is.
-
-    It is asked for in every rollout: `np.allclose` would take several times as long.
-
-    Args:
-        unpacked: what was read (N,) or (N, K), in single precision.
-        expected: what was set, as many.
-
-    Raises:
-        RuntimeError: SAPIEN packs states in another way.
-    """
-    off = np.abs(unpacked - expected)
-    if not (off <= 1e-5 * (1 + np.abs(expected))).all():  # nan is not
-        raise RuntimeError(
-            "this version of SAPIEN packs states in another way than 3.0.3: pip install sapien==3.0.3"
-        )
 
 
 class Weighed:
@@ -174,10 +155,6 @@ class Bodies:
 
         seconds = self._brake_every * setup.time_step
         self._brakes = Brakes(brakes, seconds, weighed.scene.gravity)
-
-        packed = self._unpack([self.snapshot()])[0, :, :7]
-        placed = scene.state()
-        check_pack(packed, np.hstack([placed.quaternions, placed.positions]))
 
     def _make_brake(self, body: Body, component: Any) -> Brake | None:
         """Make the brake of a free body; None: it has no rolling friction."""

@@ -128,32 +128,6 @@ def _collider(shape: Shape | Path, material: Any, folder: Path) -> Any:
     return _hull(mesh_file(shape.triangles, folder), material)
 
 
-def _add_box(box: Box, material: Any, folder: Path) -> Any:
-    """Make a box as a hull: PhysX's box-box test loses the contact of an edge that leans on a thin wall's edge."""
-    return _hull(_cube(folder), material, box.size)
-
-
-def _add_sphere(ball: Sphere, material: Any, _folder: Path) -> Any:
-    return physx.PhysxCollisionShapeSphere(ball.radius, material)
-
-
-def _add_cylinder(rod: Cylinder, material: Any, folder: Path) -> Any:
-    return _hull(_prism(folder), material, (rod.radius, rod.radius, rod.length))
-
-
-def _add_capsule(rod: Capsule, material: Any, _folder: Path) -> Any:
-    return physx.PhysxCollisionShapeCapsule(rod.radius, rod.length / 2, material)
-
-
-# What makes a shape of its own; others are hulls of their triangles.
-_NATIVES: dict[type[Shape], Callable[[Any, Any, Path], Any]] = {
-    Box: _add_box,
-    Sphere: _add_sphere,
-    Cylinder: _add_cylinder,
-    Capsule: _add_capsule,
-}
-
-
 def _hull(file: Path, material: Any, scale: Triple = (1.0, 1.0, 1.0)) -> Any:
     """Make the convex hull of a mesh file."""
     return physx.PhysxCollisionShapeConvexMesh(str(file), np.array(scale), material)
@@ -175,3 +149,19 @@ def _prism(folder: Path) -> Path:
     corner = 2 / (1 + np.cos(np.pi / _SIDES))
     prism = trimesh.creation.cylinder(radius=corner, height=1.0, sections=_SIDES)
     return mesh_file(Mesh.from_trimesh(prism), folder)
+
+
+# What makes a shape of its own; others are hulls of their triangles. A box is a hull, too: PhysX's box-box test loses
+# the contact of an edge that leans on a thin wall's edge.
+_NATIVES: dict[type[Shape], Callable[[Any, Any, Path], Any]] = {
+    Box: lambda box, material, folder: _hull(_cube(folder), material, box.size),
+    Sphere: lambda ball, material, _: physx.PhysxCollisionShapeSphere(
+        ball.radius, material
+    ),
+    Cylinder: lambda rod, material, folder: _hull(
+        _prism(folder), material, (rod.radius, rod.radius, rod.length)
+    ),
+    Capsule: lambda rod, material, _: physx.PhysxCollisionShapeCapsule(
+        rod.radius, rod.length / 2, material
+    ),
+}

@@ -15,7 +15,7 @@ from core.robot.description import beyond
 from core.scene import State
 from plugins.simulators.fresh import FreshWorld
 from plugins.simulators.sapien.arm import ArticulatedArm, TorqueNote, surfaces_of
-from plugins.simulators.sapien.bodies import Bodies, Weighed, check_pack
+from plugins.simulators.sapien.bodies import Bodies, Weighed
 from plugins.simulators.sapien.bonds import Bonds
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.forces import Forces, pushes
@@ -101,9 +101,6 @@ class World(FreshWorld):
             self.bonds = Bonds(setup, weighed, self._bodies.components)
         if job.forces and job.record_hz > 0:
             self.impulses = Forces(self._system, weighed.scene, setup.things)
-
-        arm, _ = self._arm.read(self._bodies.behind([self._bodies.snapshot()]))
-        check_pack(arm, job.trajectory.arm[0])
 
     def step(
         self,

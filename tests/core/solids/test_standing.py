@@ -17,11 +17,11 @@ from core.simulation.engines import (
 from core.solids.standing import (
     find_falls,
     find_fast,
-    find_flights,
     find_layout_warnings,
     find_left_behind,
     find_overlaps,
     find_rate,
+    list_flights,
 )
 
 GREY = (0.5, 0.5, 0.5, 1.0)
@@ -116,7 +116,7 @@ def test_what_falls_or_is_thrown_has_a_speed_and_meets_the_thinnest_in_its_way()
     )
     ball = cube("ball", 0.6, 0.5, side=0.02, shape=Sphere)
     rests = cube("rests", 0.9, 0.0251)
-    (flight,) = find_flights(Scene((table(), plate, aside, ball, rests)))
+    (flight,) = list_flights(Scene((table(), plate, aside, ball, rests)))
     assert flight.body == "ball"
     assert flight.thin == pytest.approx(0.002)
     assert flight.speed == pytest.approx(np.sqrt(2 * 9.81 * 0.289), rel=1e-3)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 from core.errors import UserError, choices
+from plugins.simulators.quiet import quiet
 
 try:
     import mujoco_warp
@@ -37,7 +34,7 @@ def device(name: str) -> Any:
     """
     if name.partition(":")[0] not in DEVICES:
         raise choices("sim.device", name, DEVICES)
-    with _quiet():
+    with quiet():  # it reports a missing driver
         warp.init()
     cards = warp.get_cuda_devices()
     if name.startswith("cuda") and not cards:
@@ -53,21 +50,6 @@ def device(name: str) -> Any:
         raise UserError(
             f"sim.device={name}: there is no such graphics card; there are: {have}"
         ) from error
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Silence Warp's library, which reports a missing driver on the terminal."""
-    sys.stderr.flush()
-    kept = os.dup(2)
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nowhere)
 
 
 __all__ = ["device", "mujoco_warp", "warp"]
