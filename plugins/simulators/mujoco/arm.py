@@ -70,29 +70,6 @@ class Joints:
         model.jnt_stiffness[self.loose] = self.stiffness
         model.dof_frictionloss[self.loose] = self.friction
 
-    def command(
-        self,
-        controls: Array,
-        arm: Array,
-        speeds: Array,
-        fingers: float | Array,
-        finger_speeds: float | Array,
-    ) -> None:
-        """Fill in the controls (..., J, 2) of the driven joints: the targets, and the speeds.
-
-        Args:
-            controls: of these joints, and then of others.
-            arm: the arm's targets (..., A).
-            speeds: theirs.
-            fingers: the target of all fingers, a number or (..., 1).
-            finger_speeds: its speed.
-        """
-        count = len(self.driven)
-        controls[..., : self.arm, 0] = arm
-        controls[..., : self.arm, 1] = speeds
-        controls[..., self.arm : count, 0] = fingers
-        controls[..., self.arm : count, 1] = finger_speeds
-
     def read(self, qpos: Array) -> tuple[Array, Array]:
         """Take the arm's joints (T, J), and the fingers' with the tool's (T, F + K), from positions (T, Q)."""
         others = np.zeros((len(qpos), self.fingers + len(self.loose)))

@@ -25,8 +25,8 @@ from plugins.simulators.mujoco.shapes import Element
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
-_Note = int
-"""A snapshot: how many steps the job has done. The world keeps the states after all of them."""
+_Note = tuple[int, Array]
+"""A snapshot: how many steps the job has done, and the state after them (X,)."""
 
 
 class World(interfaces.World):
@@ -57,9 +57,6 @@ class World(interfaces.World):
         # other one the force is that at the step's beginning.
         discrete = is_discrete(model.opt)
         self._targeted = slice(1, None) if discrete else slice(None, -1)
-
-        # After each step of a job, the first before them all; they are overwritten by the next job.
-        self._states = np.empty((1, mujoco.mj_stateSize(model, _STATE)))
 
         self._meter: Meter | None = None
         self._bonds = Bonds(scene, model, self._data)
@@ -143,7 +140,7 @@ class World(interfaces.World):
         if not block.readings:
             states = self._run(block)
             torques = self._find_torques(block, states)
-            return Passed(self._take_notes(block), torques=torques)
+            return Passed(self._take_notes(block, states), torques=torques)
 
         sensed = np.empty((len(block), self._model.nsensordata))
         with self._feeler.on():
@@ -157,7 +154,7 @@ class World(interfaces.World):
             pushes = self._feeler.pushes(sensed[end - self._tick : end])
             readings.append(Reading(arm[0], *pushes))
 
-        return Passed(self._take_notes(block), readings, torques)
+        return Passed(self._take_notes(block, states), readings, torques)
 
     def save(self) -> None:
         mujoco.mj_copyData(self._saved, self._model, self._data)
@@ -168,22 +165,20 @@ class World(interfaces.World):
         self._done, self._moved = self._saved_at
 
     def note(self) -> _Note:
-        self._make_room(self._done)
-        self._states[self._done] = self._read_state()
-        return self._done
+        return self._done, self._read_state()
 
     def read(self, notes: Sequence[_Note]) -> tuple[Array, Array, State]:
-        qpos, qvel = self._split(self._states[np.array(notes)])
+        qpos, qvel = self._split(np.array([state for _, state in notes]))
         return *self._joints.read(qpos), self._moving.state(qpos, qvel)
 
     def contact_forces(
         self, notes: Sequence[_Note], instants: Array
     ) -> tuple[Mapping[tuple[str, str], Array], Pushes | None]:
         assert self._meter is not None
-        return self._meter.mean_forces(np.array(notes))
+        return self._meter.mean_forces(np.array([done for done, _ in notes]))
 
     def loads(self, notes: Sequence[_Note]) -> Mapping[str, Array]:
-        return self._bonds.loads(notes)
+        return self._bonds.loads([done for done, _ in notes])
 
     def _find_torques(self, block: Block, states: Array) -> Array | None:
         """Find the greatest torque of each of the arm's motors at a block's measures (J,); None: it has none.
@@ -202,23 +197,11 @@ class World(interfaces.World):
         greatest: Array = np.abs(torques).max(axis=0)
         return greatest
 
-    def _take_notes(self, block: Block) -> list[_Note]:
-        """Make the notes of a block that has just been played."""
+    def _take_notes(self, block: Block, states: Array) -> list[_Note]:
+        """Make the notes of a block that has just been played, with the states before and after its steps."""
         self._done = block.end
         self._moved += len(block)
-        return [block.begin + mark for mark in block.marks]
-
-    def _find_states(self, block: Block) -> Array:
-        """Return where a block's states are kept: before the first step, and after each (S + 1, X)."""
-        self._make_room(block.end)
-        return self._states[block.begin : block.end + 1]
-
-    def _make_room(self, steps: int) -> None:
-        """Make room for the states after so many steps."""
-        known = self._states
-        if steps >= len(known):
-            self._states = np.empty((2 * steps + 1, known.shape[1]))
-            self._states[: len(known)] = known
+        return [(block.begin + mark, states[mark]) for mark in block.marks]
 
     def _read_state(self) -> Array:
         """Read MuJoCo's state (X,)."""
@@ -250,7 +233,7 @@ class World(interfaces.World):
         """
         data = self._data
         first = self._read_state()
-        states = self._find_states(block)
+        states = np.empty((len(block) + 1, len(first)))
         states[0] = first
         if not len(block):
             return states
@@ -330,13 +313,11 @@ class World(interfaces.World):
         at = self._targeted
         driven = len(self._joints.driven)
         controls = np.empty((len(speeds), driven + len(self._moving.drives), 2))
-        self._joints.command(
-            controls,
-            arm[at],
-            speeds,
-            fingers[at, None],
-            finger_speeds[:, None],
-        )
+        count = self._joints.arm
+        controls[:, :count, 0] = arm[at]
+        controls[:, :count, 1] = speeds
+        controls[:, count:driven, 0] = fingers[at, None]
+        controls[:, count:driven, 1] = finger_speeds[:, None]
         controls[:, driven:, 0] = aims[at]
         controls[:, driven:, 1] = np.diff(aims, axis=0) / self.time_step
         return controls.reshape(len(controls), -1)
