@@ -137,10 +137,6 @@ class Player:
         self._torques: Array | None = None
         self._notes: dict[int, Any] = {}  # by the number of steps that are done
 
-    @property
-    def is_filmed(self) -> bool:
-        return len(self.schedule.samples) > 0
-
     def settling(self) -> Block:
         """Return the steps before the motion begins."""
         return self.schedule.block(0, self.schedule.settle)
@@ -284,7 +280,7 @@ class Player:
             return Outcome(None, None, error=error)
 
         recording = None
-        if self.is_filmed:
+        if len(schedule.samples):
             sampled = np.searchsorted(steps, schedule.samples)
             recording = self._develop(
                 worlds, number, (arm[sampled], fingers[sampled], states[sampled])
@@ -401,10 +397,7 @@ def play_together(worlds: Worlds, jobs: Sequence[Rollout]) -> list[Outcome]:
     ahead = _AHEAD if worlds.rewinds else 0
     players = [Player(job, worlds.time_step, ahead) for job in jobs]
 
-    firsts: list[Any] = [None] * len(jobs)
-    if any(player.is_filmed for player in players):
-        firsts = worlds.note()
-
+    firsts = worlds.note()
     settled = worlds.advance([player.settling() for player in players])
     worlds.launch()
     for player, first, passed, now in zip(
