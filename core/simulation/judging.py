@@ -5,26 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from itertools import groupby
 
 import numpy as np
 
-from core.geometry import Array
 from core.goals import goals_shares
 from core.interfaces import Task
 from core.plugins import describe_part
 from core.plugins.blame import PluginError
 from core.robot.kinematics import arm_of
-from core.scene import Scene, State, Trace
+from core.scene import State, Trace
 from core.simulation.attempt import Attempt, Stage
 from core.simulation.measuring import measure
 from core.simulation.observing import observe
-from core.solids.contacts import (
-    Contacts,
-    count_instants,
-    find_contacts,
-    make_trace,
-)
+from core.solids.contacts import Contacts, find_contacts, make_trace
 from core.solids.penetration import Explosion, Finding, findings
 from core.solids.record_rate import is_finite
 from core.support.text import number, shorten
@@ -32,8 +25,6 @@ from core.task import margins_of, reward_of
 from core.trial import NOTHING, Trial
 
 _WARNINGS = 10  # findings of a rollout that are listed
-
-World = tuple[State, State, Trace | None]  # at the start, at the end, and in between
 
 
 def judge_attempts(stage: Stage, attempts: Sequence[Attempt]) -> None:
@@ -47,21 +38,8 @@ def judge_attempts(stage: Stage, attempts: Sequence[Attempt]) -> None:
         failure = _find_failure(stage, attempt)
         if failure is not None:
             attempt.end(stage, "failed", failure)
-
-    finished = [attempt for attempt in attempts if attempt.trial is None]
-    for _, group in groupby(sorted(finished, key=_kin), key=_kin):
-        _reward(stage, [*group])
-
-
-def _kin(attempt: Attempt) -> tuple[int, int]:
-    """Tell apart attempts whose designs add something else to the scene, or that last longer.
-
-    In a common trace what ended early would stand still until the others end: a swinging body would be at rest.
-    """
-    contacts = attempt.contacts
-    instants = 0 if contacts is None else count_instants(contacts)
-
-    return id(attempt.scene), instants
+        else:
+            attempt.trial = _make_trial(stage, attempt)
 
 
 def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
@@ -101,49 +79,22 @@ def _look_for_contacts(stage: Stage, attempt: Attempt) -> Contacts | None:
     return attempt.contacts
 
 
-def _reward(stage: Stage, finished: Sequence[Attempt]) -> None:
-    """Make the trials of what came to its end in one scene, as long: the reward is called once for all of them."""
-    task = stage.task
-    scene = finished[0].scene
-    starts = _stack(scene, finished, "start")
-    ends = _stack(scene, finished, "end")
-    trace = None
-
-    if task.reads_trace:
-        contacts = filter(None, [attempt.contacts for attempt in finished])
-        trace = make_trace(scene, [*contacts])
-
-    rewards = _rewards(task, starts, ends, trace).tolist()
-    for place, attempt in enumerate(finished):
-        film = None if trace is None else trace[place]
-        world = starts[place], ends[place], film
-        attempt.trial = _make_trial(stage, attempt, rewards[place], world)
-
-
-def _stack(scene: Scene, finished: Sequence[Attempt], moment: str) -> State:
-    """Stack the states of all worlds at a ``moment``: start or end."""
-    states = [getattr(attempt.outcome, moment) for attempt in finished]
-    return scene.complete(State.stack(states))
-
-
-def _make_trial(
-    stage: Stage,
-    attempt: Attempt,
-    reward: float,
-    world: World,
-) -> Trial:
-    """Make the trial of an attempt that came to its end.
-
-    Args:
-        stage: the condition in which it was tried.
-        attempt: what was played, and what was found in it.
-        reward: what the task pays.
-        world: its states and its trace.
-    """
+def _make_trial(stage: Stage, attempt: Attempt) -> Trial:
+    """Make the trial of an attempt that came to its end in a condition."""
     task = stage.task
     motion = attempt.motion
     outcome = attempt.outcome
-    start, end, _ = world
+    scene = attempt.scene
+    assert outcome.start is not None
+    assert outcome.end is not None
+    start = scene.complete(outcome.start)
+    end = scene.complete(outcome.end)
+    trace = None
+    if task.reads_trace and attempt.contacts is not None:
+        trace = make_trace(scene, attempt.contacts)
+
+    world = (start, end, trace)
+    reward = _compute_reward(task, *world)
     shifts = np.linalg.norm(end.positions - start.positions, axis=-1).tolist()
 
     texts = [finding.text for finding in attempt.findings]
@@ -201,34 +152,19 @@ def _forbid_penetration(stage: Stage, trial: Trial, found: Sequence[Finding]) ->
     return replace(trial, reward=0.0, solved=False, reason=reason)
 
 
-def _rewards(
-    task: Task,
-    starts: State,
-    ends: State,
-    trace: Trace | None,
-) -> Array:
-    """Compute the rewards of many worlds.
-
-    Args:
-        task: pays them.
-        starts: the states at the start, of W worlds.
-        ends: those at the end.
-        trace: what happened in between, if the task reads it.
-
-    Returns:
-        Rewards (W,).
+def _compute_reward(task: Task, start: State, end: State, trace: Trace | None) -> float:
+    """Compute what a task pays for a world.
 
     Raises:
-        PluginError: the task returned something else; names it.
+        PluginError: the task returned something else than an array of one number; names it.
     """
-    shape = (len(ends.positions),)
-    given = reward_of(task, starts, ends, trace)
+    given = reward_of(task, start[None], end[None], trace and trace[None])
     with suppress(TypeError, ValueError):
         rewards = np.asarray(given, dtype=np.float64)
-        if rewards.shape == shape:
-            return rewards
+        if rewards.shape == (1,):
+            return float(rewards[0])
 
     got = shorten(repr(given))
     raise PluginError(
-        f"{describe_part(task)}: reward gave {got}; expected an array {shape}"
+        f"{describe_part(task)}: reward gave {got}; expected an array (1,)"
     )

@@ -224,7 +224,7 @@ class _Case:
             bodies |= dict.fromkeys(goal.subjects(self.start))
 
         self.names = tuple(bodies) or self.start.names
-        self.film = make_trace(self.scene, [contacts])[0]
+        self.film = make_trace(self.scene, contacts)
         self.left = tuple(name for name in self.names if not self._is_in_place(name))
 
         planned, _ = self.motion.trajectory.sample(self.times)

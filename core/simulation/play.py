@@ -36,8 +36,7 @@ _playing = threading.RLock()
 def play(condition: Condition, candidates: Sequence[Candidate]) -> list[Trial]:
     """Try candidates in a condition, and return a complete trial of each, in order.
 
-    Of a candidate with a plan for each of several tasks the plan for this one is played. One call of the task's reward
-    covers all worlds.
+    Of a candidate with a plan for each of several tasks the plan for this one is played.
 
     One thread of a process plays at a time. Engines and arms are made once for all of them, and compute in place.
 

@@ -149,7 +149,7 @@ class Rehearsal:
         taken = self.contacts.taken
         if len(taken.times) < 2 or not self.planned.scene.bodies:
             return
-        trace = make_trace(self.planned.scene, [self.contacts])[0]
+        trace = make_trace(self.planned.scene, self.contacts)
         start = trace.states[0]
         goals = self.stage.task.goals
         evidence = Evidence(start, start, trace, goals)

@@ -64,7 +64,7 @@ def read_series(condition: Condition, candidate: Candidate) -> list[Series]:
 
     scene = planned.scene
     contacts = find_contacts(scene, stage.task.robot, job.tool, recording)
-    trace = make_trace(scene, [contacts])[0]
+    trace = make_trace(scene, contacts)
     return [*_read_ways(stage.task, trace), *_read_forces(scene, trace)]
 
 

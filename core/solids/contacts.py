@@ -7,7 +7,6 @@ their collision shapes is at most what engines leave between things that rest on
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -18,7 +17,7 @@ from core.design import Tool
 from core.geometry import Array
 from core.interfaces import Recording, Robot
 from core.robot.kinematics import link_frames
-from core.scene import Scene, State, Trace
+from core.scene import Scene, Trace
 from core.solids.near_pairs import Flags, may_meet, neighbours
 from core.solids.record_rate import coarse_samples, largest_since, subset
 from core.solids.rollout_solids import ROBOT
@@ -348,69 +347,52 @@ def _extents(track: Track) -> Array:
     return np.abs(track.rotations) @ track.box
 
 
-def count_instants(world: Contacts) -> int:
-    """Count the instants of a trace of one world, from 0 to its end."""
-    return math.ceil(world.taken.times[-1] * TRACE_HZ - 1e-6) + 1
-
-
-def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
-    """Make the trace of rollouts in a scene, one world for each of their contacts.
+def make_trace(scene: Scene, contacts: Contacts) -> Trace:
+    """Make the trace of a rollout.
 
     What the robot touched and pressed before its motion began counts at 0, and between two instants at the nearest. A
     body that it only touched between two samples of a recording is one that it pressed.
 
     Args:
-        scene: all worlds begin as it says.
-        worlds: of W rollouts. The trace is as long as the longest.
-
-    Returns:
-        A trace whose arrays have W worlds in front of the instants.
+        scene: that it began in.
+        contacts: of the rollout.
     """
-    count = max(count_instants(world) for world in worlds)
+    taken = contacts.taken
+    count = math.ceil(taken.times[-1] * TRACE_HZ - 1e-6) + 1
     instants = np.arange(count) / TRACE_HZ
-    shape = len(worlds), len(instants)
-    touching: dict[Key, Flags] = defaultdict(lambda: np.zeros(shape, dtype=bool))
-    forces: dict[tuple[str, str], Array] = defaultdict(lambda: np.zeros(shape))
-    peaks: dict[tuple[str, str], Array] = defaultdict(lambda: np.zeros(shape))
-    loads: dict[str, Array] = defaultdict(lambda: np.zeros(shape))
+    clock = _Clock(taken.times, instants)
     bodies = {body.name for body in scene.bodies}
-    films = []
+    forces: dict[tuple[str, str], Array] = {}
+    peaks: dict[tuple[str, str], Array] = {}
+    loads = {name: clock.read(load, early=True) for name, load in taken.loads.items()}
+    touching = {
+        key: clock.read(flags, early=key[0] != "body")
+        for key, flags in contacts.touching.items()
+    }
 
-    for number, world in enumerate(worlds):
-        taken = world.taken
-        clock = _Clock(taken.times, instants)
-        films.append(taken.states.each(clock.choose))
+    for pair, values in taken.forces.items():
+        presser, body = pair
+        by_robot = presser not in bodies
+        forces[pair] = clock.read(values, early=by_robot)
+        peaks[pair] = clock.read(contacts.peaks[pair], early=by_robot)
 
-        for key, flags in world.touching.items():
-            touching[key][number] = clock.read(flags, early=key[0] != "body")
-
-        for (presser, body), values in taken.forces.items():
-            by_robot = presser not in bodies
-            force = clock.read(values, early=by_robot)
-            forces[presser, body][number] = force
-            largest = world.peaks[presser, body]
-            peaks[presser, body][number] = clock.read(largest, early=by_robot)
-
-            if by_robot and not world.with_robot(body).any():
-                kind = "tool" if presser == "tool" else "arm"
-                touching[kind, presser, body][number] |= force > 0
-
-        for name, values in taken.loads.items():
-            loads[name][number] = clock.read(values, early=True)
+        if by_robot and not contacts.with_robot(body).any():
+            key = ("tool" if presser == "tool" else "arm", presser, body)
+            touching[key] = touching.get(key, False) | (forces[pair] > 0)
 
     # An engine that measures no forces has none where things touch, and none on bonds.
     measured = bool(forces or loads) or not touching
     clearances = {
-        name: np.array([world.approaches.get(name, _TOUCHED).gap_m for world in worlds])
+        name: np.asarray(contacts.approaches.get(name, _TOUCHED).gap_m)
         for name in bodies
     }
     trace = Trace(
         instants,
-        scene.complete(State.stack(films)),
-        dict(touching),
-        dict(forces) if measured else None,
+        scene.complete(taken.states.each(clock.choose)),
+        touching,
+        forces if measured else None,
         clearances,
-        dict(peaks) if measured else None,
+        peaks if measured else None,
     )
     if not measured:
         return trace

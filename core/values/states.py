@@ -164,8 +164,8 @@ class State:
             self.angular_velocities,
         )
 
-    def __getitem__(self, index: int | npt.NDArray[np.intp]) -> State:
-        """One world (or time) of many, or several of them."""
+    def __getitem__(self, index: int | npt.NDArray[np.intp] | None) -> State:
+        """One world (or time) of many, or several of them; None: the same as one of one."""
         return self.each(lambda array: array[index])
 
     def each(self, change: Callable[[Array], Array]) -> State:

@@ -179,8 +179,8 @@ class Trace:
 
         return pressed
 
-    def __getitem__(self, index: int) -> Trace:
-        """One world of many."""
+    def __getitem__(self, index: int | None) -> Trace:
+        """One world of many; None: the same as one of one."""
 
         def world(values: Mapping[Any, Any]) -> dict[Any, Any]:
             return {key: array[index] for key, array in values.items()}

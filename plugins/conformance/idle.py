@@ -58,9 +58,8 @@ def check_nothing_happens_while_the_arm_waits(task: Task) -> str:
             f"{what}; put it where it can rest, or give it friction",
         )
 
-    trace = make_trace(
-        scene, [find_contacts(scene, task.robot, Tool(), film(outcome))]
-    )[0]
+    contacts = find_contacts(scene, task.robot, Tool(), film(outcome))
+    trace = make_trace(scene, contacts)
     earned = reward_for(task, begin, last, trace)
     between(
         f"what doing nothing earns after {REST_S:g} s in {name}",

@@ -54,7 +54,7 @@ def play(engine, scene=LANES, tool=NO_TOOL):
     (outcome,) = simulator(engine).rollout(task, [job])
     assert outcome.error is None
     contacts = find_contacts(scene, task.robot, tool, outcome.recording)
-    trace = make_trace(scene, [contacts])[0]
+    trace = make_trace(scene, contacts)
     return scene.complete(outcome.start), scene.complete(outcome.end), trace
 
 

@@ -48,7 +48,7 @@ class Film:
             states=State.stack([instant.states for instant in instants]),
         )
         contacts = find_contacts(self._scene, self._robot, self._tool, recording)
-        trace = make_trace(self._scene, [contacts])[0]
+        trace = make_trace(self._scene, contacts)
 
         return replace(trace, forces=None, strains={})
 

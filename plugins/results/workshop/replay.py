@@ -11,7 +11,7 @@ from core.design import DesignError, Tool
 from core.errors import UserError
 from core.interfaces import Condition, JointTrajectory, Recording, Rollout
 from core.robot.kinematics import arm_of
-from core.scene import Scene, State
+from core.scene import Scene
 from core.simulation.engines import check_support
 from core.solids.contacts import Contacts, find_contacts, make_trace
 from core.solids.penetration import findings
@@ -106,11 +106,11 @@ def play_motion(
             "the exported motion can't be played: the engine returned no recording"
         )
 
-    start = scene.complete(State.stack([outcome.start]))
-    end = scene.complete(State.stack([outcome.end]))
+    start = scene.complete(outcome.start)
+    end = scene.complete(outcome.end)
     contacts = find_contacts(scene, task.robot, tool, recording)
-    trace = make_trace(scene, [contacts]) if task.reads_trace else None
-    reward = float(np.asarray(reward_of(task, start, end, trace))[0])
+    trace = make_trace(scene, contacts)[None] if task.reads_trace else None
+    reward = float(np.asarray(reward_of(task, start[None], end[None], trace))[0])
 
     seen = findings(scene, task.robot, tool, recording)
     problems = tuple(finding.text for finding in seen if finding.penetration)

@@ -89,7 +89,7 @@ class Single(Slide):
 def test_a_reward_that_is_not_one_per_world_names_the_task():
     with pytest.raises(
         PluginError,
-        match=r"reward gave .*; expected an array \(2,\)",
+        match=r"reward gave .*; expected an array \(1,\)",
     ):
         evaluated(candidate(0), candidate(1), task=Single())
 

@@ -122,25 +122,13 @@ def test_touches_before_the_motion_and_between_two_samples_count():
         ("tool", "aside"): np.eye(21)[18],
         ("tool", "low"): 30.0 * np.eye(21)[10],
     }
-    trace = make_trace(
-        scene,
-        [
-            find_contacts(
-                scene,
-                PANDA,
-                ROD,
-                replace(taken, times=taken.times - 0.6, forces=pressed),
-            )
-        ],
-    )
-    assert (
-        trace.touched("low", "robot").tolist()
-        == trace.touched("aside", "tool").tolist()
-        == [True]
-    )
-    assert trace.first_s("low", "rod").tolist() == [0.0]
-    assert trace.force_n("low", "robot").tolist() == [30.0]
-    assert trace.first_s("aside", "robot") == pytest.approx([18 / HZ - 0.6])
+    film = replace(taken, times=taken.times - 0.6, forces=pressed)
+    trace = make_trace(scene, find_contacts(scene, PANDA, ROD, film))
+    assert trace.touched("low", "robot")
+    assert trace.touched("aside", "tool")
+    assert trace.first_s("low", "rod") == 0.0
+    assert trace.force_n("low", "robot") == 30.0
+    assert trace.first_s("aside", "robot") == pytest.approx(18 / HZ - 0.6)
     assert not trace.touched("free", "robot").any()
 
 
@@ -157,7 +145,7 @@ def test_a_body_is_held_by_one_that_the_robot_touches():
     scene = Scene((tray, egg))
     found = find_contacts(scene, PANDA, ROD, recording(scene, still, arms=joints))
     assert not found.with_robot("egg").any()
-    assert make_trace(scene, [found])[0].support.linked("egg").all()
+    assert make_trace(scene, found).support.linked("egg").all()
 
 
 def test_without_motion_or_bodies_nothing_touches():
@@ -184,59 +172,47 @@ def test_bodies_that_a_joint_connects_are_in_no_contact():
     assert findings(Scene((wall, cube)), PANDA, ROD, film)
 
 
-def test_a_trace_of_worlds_that_end_at_different_times():
+def test_a_trace_counts_from_the_beginning_of_the_motion():
     wall, cube = (
         body("wall", Box((0.1, 1.0, 1.0)), (0.55, 0, 0), mass=0.0),
         body("cube", CUBE, (0.2, 0, 0)),
     )
     scene = Scene((wall, cube))
-    long, short = (
-        recording(scene, {"cube": there_and_back(0)[:count]}, hz=50)
-        for count in (21, 10)
-    )
-    long = replace(
-        long, times=long.times - 0.1, forces={("wall", "cube"): np.linspace(0, 20, 21)}
-    )
-    worlds = [find_contacts(scene, PANDA, ROD, film) for film in (long, short)]
-    trace = make_trace(scene, worlds)
+    film = recording(scene, {"cube": there_and_back(0)}, hz=50)
+    forces = {("wall", "cube"): np.linspace(0, 20, 21)}
+    film = replace(film, times=film.times - 0.1, forces=forces)
+    world = find_contacts(scene, PANDA, ROD, film)
+    trace = make_trace(scene, world)
     assert trace.times == pytest.approx(np.arange(9) / 25)
-    assert trace.touched("cube", "wall").tolist() == [True, False]
-    assert trace.first_s("cube") == pytest.approx([0.1, np.inf], abs=0.021)
-    assert trace.states.position("cube")[0, 0, 0] == pytest.approx(
-        long.states.position("cube")[5, 0], abs=0.021
+    assert trace.touched("cube", "wall")
+    assert trace.first_s("cube") == pytest.approx(0.1, abs=0.021)
+    assert trace.states.position("cube")[0, 0] == pytest.approx(
+        film.states.position("cube")[5, 0], abs=0.021
     )
-    assert np.ptp(trace.states.position("cube")[1, 5:], axis=0).max() == 0
     # The mean of the last two samples.
-    assert trace.force_n("cube").tolist() == pytest.approx([19.5, 0])
-    (contact,) = list_contacts(worlds[0])
+    assert trace.force_n("cube") == pytest.approx(19.5)
+    (contact,) = list_contacts(world)
     assert contact.force_n == pytest.approx(9.5, abs=1.01)  # while it lasts
     assert "wall" in trace.states.places
 
 
-def test_a_trace_of_worlds_that_end_at_different_times_keeps_what_broke():
-    """A bond breaks in the last step of the world that ends first; a body breaks where it is pressed."""
+@pytest.mark.parametrize(
+    ("load", "force", "strain", "broken"),
+    [(4.9, 14.0, 0.98, False), (5.1, 16.0, 1.02, True)],
+)
+def test_a_trace_keeps_what_broke_in_its_last_step(load, force, strain, broken):
+    """A bond breaks there; a body breaks where it is pressed."""
     cube = replace(body("cube", CUBE, (0.2, 0, 0)), breaks_n=15.0)
     wall = body("wall", Box((0.1, 1.0, 1.0)), (0.55, 0, 0), mass=0.0)
-    bond = Bond("glue", "cube", 5.0)
-    scene = Scene((wall, cube), bonds=(bond,))
-    loads = np.append(np.ones(9), 5.1)
-    long, short = (
-        recording(scene, {"cube": there_and_back(0)[:count]}, hz=50)
-        for count in (21, 10)
-    )
-    long = replace(
-        long,
-        forces={("wall", "cube"): np.linspace(0, 14, 21)},
-        loads={"glue": np.full(21, 4.9)},
-    )
-    short = replace(
-        short, forces={("wall", "cube"): np.full(10, 16.0)}, loads={"glue": loads}
-    )
-    worlds = [find_contacts(scene, PANDA, ROD, film) for film in (long, short)]
-    trace = make_trace(scene, worlds)
-    assert trace.strain("glue")[..., -1].tolist() == pytest.approx([0.98, 1.02])
-    assert (trace.strain("cube")[..., -1] > 1).tolist() == [False, True]
-    assert trace[1].strain("glue").shape == trace.times.shape
+    scene = Scene((wall, cube), bonds=(Bond("glue", "cube", 5.0),))
+    film = recording(scene, {"cube": there_and_back(0)[:10]}, hz=50)
+    forces = {("wall", "cube"): np.full(10, force)}
+    loads = {"glue": np.append(np.ones(9), load)}
+    film = replace(film, forces=forces, loads=loads)
+    trace = make_trace(scene, find_contacts(scene, PANDA, ROD, film))
+    assert trace.strain("glue")[-1] == pytest.approx(strain)
+    assert (trace.strain("cube")[-1] > 1) == broken
+    assert trace.strain("glue").shape == trace.times.shape
     with pytest.raises(KeyError, match="wall"):
         trace.strain("wall")
 
@@ -247,7 +223,7 @@ def test_a_bond_has_its_load_where_what_it_holds_is_touched_and_not_pressed():
     scene = Scene((wall, cube), bonds=(Bond("glue", "cube", 5.0),))
     film = recording(scene, {"cube": there_and_back(0)}, hz=50)
     film = replace(film, loads={"glue": np.full(21, 2.0)})
-    trace = make_trace(scene, [find_contacts(scene, PANDA, ROD, film)])
+    trace = make_trace(scene, find_contacts(scene, PANDA, ROD, film))
     assert trace.touched("cube", "wall").all()
     assert trace.force_n("cube").max() == 0
     assert trace.strain("glue").max() == pytest.approx(0.4)

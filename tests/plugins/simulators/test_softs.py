@@ -58,9 +58,9 @@ def test_a_cloth_hangs_over_a_bar_at_rest_and_presses_it():
     assert np.abs(state.linear_velocity("soft")).max() < 0.02
     # Around half of the bar: pi / 2.
     assert weight < film(outcome).forces["bar", "soft"][-10:].mean() < 1.6 * weight
-    trace = make_trace(
-        task.scene(0), [find_contacts(task.scene(0), task.robot, BARE, film(outcome))]
-    )[0]
+    scene = task.scene(0)
+    contacts = find_contacts(scene, task.robot, BARE, film(outcome))
+    trace = make_trace(scene, contacts)
     assert trace.touching_at_end("soft", "bar")
     assert not trace.touched("soft", "robot")
     assert trace.states.nodes("soft").shape == (len(trace.times), 88, 3)

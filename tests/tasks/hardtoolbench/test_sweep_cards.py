@@ -90,8 +90,7 @@ def test_a_plate_that_presses_the_cards_presses_the_board(engine):
     )
     (outcome,) = simulator(engine).rollout(task, [replace(job, forces=True)])
     scene = task.scene(0)
-    trace = make_trace(
-        scene, [find_contacts(scene, task.robot, job.tool, outcome.recording)]
-    )[0]
+    contacts = find_contacts(scene, task.robot, job.tool, outcome.recording)
+    trace = make_trace(scene, contacts)
     assert not trace.touched("board", "robot")
     assert trace.force_n("board", "robot") > PRESS_N
