@@ -116,7 +116,7 @@ def findings(
         chosen = refined_samples(samples, wanted)  # elsewhere no two move near others
         before = np.searchsorted(samples, chosen[:-1], side="right") - 1
         closer = subset(unpressed, chosen)
-        tracks = follow(scene, robot, tool, closer, only=meetings.pairs)
+        tracks = follow(scene, robot, tool, closer)
         within = meetings.near[:, before]
         meetings = _Meetings(tracks, meetings.pairs, meetings.depths, within)
 

@@ -34,7 +34,7 @@ class Solids:
         items: the solids.
         owners: (N,) the name of what each one is part of.
         frames: (N,) the number of the frame that each one moves with.
-        moving: the numbers of those that move, and ``resting`` of those that rest in the world.
+        moving: the numbers of those that move.
         rotations: (N, 3, 3), with ``positions`` (N, 3) its place in its frame.
         middles: (N, 3), with ``halves`` (N, 3) its bounding box along its own axes.
         widths: (N,) half of the thickness, metres (`thickness`).
@@ -48,7 +48,6 @@ class Solids:
         self.owners = np.array([solid.owner for solid in solids], dtype=str)
         self.frames = np.array([solid.frame for solid in solids], dtype=int)
         self.moving = np.flatnonzero(self.frames != WORLD)
-        self.resting = np.flatnonzero(self.frames == WORLD)
         rotations = [solid.pose.rotation_matrix for solid in solids]
         self.rotations = np.reshape(rotations, (-1, 3, 3))
         self.positions = np.reshape([solid.pose.position for solid in solids], (-1, 3))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import coal
@@ -223,7 +223,6 @@ def follow(
     tool: Tool,
     recording: Recording,
     detour: Detour | None = None,
-    only: Indices | None = None,
 ) -> Tracks:
     """Follow the robot's links that move, the tool's components, and behind them the collision shapes of all bodies.
 
@@ -233,43 +232,28 @@ def follow(
         tool: what it holds.
         recording: how all of them move.
         detour: how far they get from the straight way between two samples, which widens their bounding boxes.
-        only: the numbers of the solids that are followed, in any shape; tracks of others are zeros. None: all.
     """
     solids = all_solids(scene, robot, tool)
     model = robot_model(robot, tool)
     joints = model.order(recording.arm, recording.fingers)
     rotations, positions = model.place_joints(joints)
     turns, shifts = _body_frames(recording.states)
+    # The world's frame is the last one.
+    world = np.broadcast_to(np.eye(3), (1, *turns.shape[1:]))
+    frames = (
+        np.concatenate([rotations, turns, world]),
+        np.concatenate([positions, shifts, np.zeros((1, *shifts.shape[1:]))]),
+    )
 
-    wanted = np.ones(len(solids.items), dtype=bool)
-    if only is not None:
-        wanted[:] = False
-        wanted[only] = True
-
-    moving = solids.moving[wanted[solids.moving]]
-    at_rest = wanted[solids.resting]
-    resting = solids.resting[at_rest]
-
-    aside = np.zeros((len(moving), len(recording.times)))
+    aside = np.zeros((len(solids.items), len(recording.times)))
     if detour is not None:
+        moving = solids.moving
         number = np.maximum(solids.frames[moving] + 1 - len(rotations), 0)
         turning = np.where(number == 0, model.reach, 0.0)  # about the joints before
         far = solids.far[moving] + turning
-        aside += detour.moved[number] + far[:, None] * detour.turned[number]
+        aside[moving] = detour.moved[number] + far[:, None] * detour.turned[number]
 
-    frames = (np.concatenate([rotations, turns]), np.concatenate([positions, shifts]))
-    moved = place_solids(solids, moving, *frames, aside)
-    count = len(solids.items)
-    # Kept as they lie in memory.
-    make = np.empty_like if only is None else np.zeros_like
-    rows = Rows(*(make(v, shape=(count, *v.shape[1:])) for v in moved))
-
-    for values, those_moved, those_at_rest in zip(
-        rows, moved, _place_resting(solids), strict=True
-    ):
-        values[moving] = those_moved
-        values[resting] = those_at_rest[at_rest]
-
+    rows = place_solids(solids, np.arange(len(solids.items)), *frames, aside)
     return Tracks(solids, rows, recording.times)
 
 
@@ -280,14 +264,6 @@ def _body_frames(states: State) -> tuple[Array, Array]:
     rotations = turns.as_matrix().reshape(*quaternions.shape[:2], 3, 3)
 
     return rotations, states.positions.swapaxes(0, 1)
-
-
-@lru_cache(maxsize=8)
-def _place_resting(solids: Solids) -> Rows:
-    """Place the solids that never move, at a single sample."""
-    rotations = np.eye(3)[None, None]
-    positions = np.zeros((1, 1, 3))
-    return place_solids(solids, solids.resting, rotations, positions)
 
 
 def place_solids(
