@@ -14,7 +14,6 @@ import pluggy
 from core.design import DesignError
 from core.errors import RAISED, in_line
 from core.hooks import Command, hookimpl
-from core.plugins.moved import explain
 from core.plugins.registry import Offer, Plugins, describe_part, installed
 from core.support.cli import say
 from core.support.text import shorten
@@ -51,7 +50,7 @@ def describe_failure(error: BaseException) -> str | None:
         offered = (offer for offer in offers if _module(offer) == module)
         blamed = origin or next(offered, None)
         if blamed is not None:
-            return f"{blamed.owner} raised {explain(error)}"
+            return f"{blamed.owner} raised {in_line(error)}"
 
     return None
 

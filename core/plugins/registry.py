@@ -17,12 +17,11 @@ from weakref import WeakKeyDictionary
 import pluggy
 from pydantic import ValidationError
 
-from core.errors import RAISED, UsageError, UserError, choices
+from core.errors import RAISED, UsageError, UserError, choices, in_line
 from core.hooks import PROJECT, Command, Configs, Factory, Parts
 from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins.kinds import COMMAND, HOOKS, KINDS, ROBOT, Kind
 from core.plugins.loading import contained, find_usage
-from core.plugins.moved import explain
 from core.plugins.packages import check_configs, refuse_hiding, refuse_rivals
 from core.support.cli import answer_help
 from core.support.inputs import adapter, find_mistakes
@@ -93,7 +92,7 @@ class Plugins:
                 with contained(f"loading the plugin {entry.name} of {distribution}"):
                     plugin = entry.load()
             except RAISED as error:  # a third-party import may raise anything
-                reason = f"import failed: {explain(error)}"
+                reason = f"import failed: {in_line(error)}"
                 self.failures.append(Failure(entry.name, distribution, reason))
             else:
                 self.register(plugin, entry.name, distribution)
@@ -137,7 +136,7 @@ class Plugins:
                             owner = f"{first.entry_point} of {first.distribution}"
                             fail(f"{kind} {part!r} is taken by {owner}")
             except RAISED as error:  # a third-party hook may raise anything
-                fail(f"hook {hook.name!r} failed: {explain(error)}")
+                fail(f"hook {hook.name!r} failed: {in_line(error)}")
 
     def names(self, kind: str) -> list[str]:
         """Return the names of the parts of a kind, sorted."""
@@ -223,7 +222,7 @@ class Plugins:
         except UserError:
             raise
         except RAISED as error:  # a third-party factory may raise anything
-            raise UserError(f"{offer} can't be made: {explain(error)}") from error
+            raise UserError(f"{offer} can't be made: {in_line(error)}") from error
 
         with suppress(TypeError):  # one that can't be a key is described by its class
             self._origins[part] = offer
@@ -346,7 +345,7 @@ def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any
     except UserError:
         raise
     except RAISED as error:  # a third-party import may raise anything
-        raise UserError(f"{offer.owner} can't be imported: {explain(error)}") from error
+        raise UserError(f"{offer.owner} can't be imported: {in_line(error)}") from error
 
 
 def describe_part(part: object) -> str:
