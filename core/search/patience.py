@@ -23,14 +23,16 @@ FIRST_WAIT_S = 10.0
 LONGEST_WAIT_S = 300.0
 
 # No room, no memory, no file handles, a disk or a network that does not answer. A folder that is read-only stays so.
-_PASSING = {
-    getattr(errno, name)
-    for name in (
-        *("ENOSPC", "EDQUOT", "EFBIG", "EIO", "ENOMEM", "EAGAIN", "EMFILE", "ENFILE"),
-        *("ESTALE", "ETIMEDOUT", "EHOSTDOWN", "EHOSTUNREACH", "ENETDOWN"),
-    )
-    if hasattr(errno, name)
-}
+_PASSING = (
+    errno.ENOSPC,
+    errno.EDQUOT,
+    errno.EIO,
+    errno.ENOMEM,
+    errno.EMFILE,
+    errno.ENFILE,
+    errno.ETIMEDOUT,
+    errno.EHOSTUNREACH,
+)
 _PASSING_IN_SQLITE = ("SQLITE_FULL", "SQLITE_IOERR", "SQLITE_BUSY", "SQLITE_NOMEM")
 
 
@@ -57,65 +59,41 @@ def run_patiently(
         raise UsageError(f"patience_s must be 0 or greater, got {patience_s}")
 
     overrides = () if store is None else store.overrides
-    waits = _Waits(patience_s)
+    left_s = patience_s
+    wait_s = FIRST_WAIT_S
+    come: int | None = None  # what was stored after the last wait
+    has_waited = False
     while True:
         try:
-            if waits.begun:
+            if has_waited:
                 store = RunStore.open(folder)
-                waits.note_progress(store)
-            if store is not None:
+            if has_waited and store is not None:
                 store.overrides = overrides
+                stored = len(store.past.replies) + len(store.past.trials)
+                if come is not None and stored > come:
+                    left_s = patience_s
+                    wait_s = FIRST_WAIT_S
+                come = stored
             return start(store)
         except UserError as error:
             if store is not None:
                 store.run_ended()
-            if not may_pass(error) or waits.left_s <= 0:
+            if not may_pass(error) or left_s <= 0:
                 raise
             store = None
+            wait_s = min(wait_s, left_s)
+            cause = error.__cause__  # without the words to type
+            why = cause if isinstance(cause, UserError) else error
+            say(
+                f"{why}; this may pass: the run goes on by itself in {wait_s:g} s, and gives up after "
+                f"{left_s:g} s (patience_s={patience_s:g})",
+                file=sys.stderr,
+            )
             with resumable(resume_hint(folder)):
-                waits.wait(error)
-
-
-class _Waits:
-    """How long is waited, and what the run had come to.
-
-    Attributes:
-        left_s: seconds that may still be waited.
-        begun: whether there was a wait already.
-    """
-
-    def __init__(self, patience_s: float) -> None:
-        self._patience_s = patience_s
-        self._come: int | None = None
-        self._begin()
-        self.begun = False
-
-    def _begin(self) -> None:
-        self.left_s = self._patience_s
-        self._next_s = FIRST_WAIT_S
-
-    def note_progress(self, store: RunStore | None) -> None:
-        """Count anew if more is stored than after the last wait."""
-        past = None if store is None else store.past
-        come = 0 if past is None else len(past.replies) + len(past.trials)
-        if self._come is not None and come > self._come:
-            self._begin()
-        self._come = come
-
-    def wait(self, error: UserError) -> None:
-        """Say why, and wait: twice as long each time, within what is left."""
-        wait_s = min(self._next_s, self.left_s)
-        cause = error.__cause__  # without the words to type
-        why = cause if isinstance(cause, UserError) else error
-        say(
-            f"{why}; this may pass: the run goes on by itself in {wait_s:g} s, and gives up after "
-            f"{self.left_s:g} s (patience_s={self._patience_s:g})",
-            file=sys.stderr,
-        )
-        time.sleep(wait_s)
-        self.left_s -= wait_s
-        self._next_s = min(2 * self._next_s, LONGEST_WAIT_S)
-        self.begun = True
+                time.sleep(wait_s)
+            has_waited = True
+            left_s -= wait_s
+            wait_s = min(2 * wait_s, LONGEST_WAIT_S)
 
 
 def may_pass(error: BaseException) -> bool:
