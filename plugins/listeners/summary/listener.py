@@ -7,18 +7,15 @@ import shlex
 import shutil
 import sys
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import fmean
-from typing import TYPE_CHECKING, Any
-
-from omegaconf import OmegaConf
+from typing import TYPE_CHECKING
 
 from core.config.schemas import PromptSettings
 from core.design import Candidate
-from core.errors import UserError
 from core.hooks import hookimpl
-from core.plugins import TASK, installed
+from core.plugins import installed
 from core.store.run_figures import failed_layouts
 from core.support.cli import print_table, say
 from core.support.text import by_reason, clean, count_words, hydra_word, number
@@ -34,9 +31,6 @@ _LONGEST = 60  # letters of a name
 _LITTLE = 0.1  # a run whose best earns less says what was not tried
 _LINE = 400  # letters of what was observed
 _REASONS = 5  # why candidates earned nothing or less
-
-_CHOSEN = ("task", "robot", "sim", "tool", "material", "fitness")
-"""With their settings, what a reward depends on."""
 
 
 class SummaryListener:
@@ -149,9 +143,8 @@ def _next_steps(run: Run, result: Result) -> Iterator[str]:
         return
 
     yield f"  vlmgineer report {folder}"
-    file = _shorten(run.folder / "best" / "design.json")
-    words = [*_settings(run), f"designs={hydra_word(file)}"]
-    yield f"  {shlex.join(['vlmgineer', 'evaluate', *words])}"
+    designs = f"designs={hydra_word(_shorten(run.folder))}"
+    yield f"  vlmgineer evaluate {shlex.quote(designs)}"
 
 
 def _print_tools(result: Result, top: int) -> None:
@@ -385,58 +378,6 @@ def _spent(replies: Sequence[Reply]) -> str:
         line += f" (the provider's cache saved {bill.saved_usd:.2f})"
 
     return line
-
-
-def _settings(run: Run) -> list[str]:
-    """Return the words by which ``vlmgineer evaluate`` tries a design as this run did.
-
-    What that command's configuration says without a word is left out.
-    """
-    from core.config.compose import load
-
-    fitness = dict(run.config.get("fitness") or {})
-    kinds = [*_CHOSEN, "printer"] if "printer" in fitness else [*_CHOSEN]
-    config = {key: dict(run.config.get(key) or {}) for key in (*kinds, "rollout")}
-    for key in TASK.defaults:
-        config["task"].pop(key, None)
-    for kind in ("material", "printer"):
-        config["fitness"].pop(kind, None)  # the run's own, which has words of its own
-
-    names = {kind: config[kind].get("name") for kind in kinds}
-    words = [f"{kind}={name}" for kind, name in names.items() if name is not None]
-
-    try:
-        defaults = load("evaluate", words)
-    except UserError:
-        # The user's own file, which that command does not find: all that it says is set.
-        words.remove(f"material={names['material']}")
-        defaults = load("evaluate", words)
-
-    resolved: Any = OmegaConf.to_container(defaults, resolve=True)
-
-    return [*words, *_differences(config, resolved), f"seed={run.seed}"]
-
-
-def _differences(
-    config: Mapping[Any, Any], defaults: Mapping[Any, Any], path: str = ""
-) -> Iterable[str]:
-    """Yield the words that set what differs from the defaults, at any depth.
-
-    A key that the defaults lack is added with a ``+``.
-
-    Args:
-        config: what is asked for.
-        defaults: what is set without a word.
-        path: what the keys begin with.
-    """
-    for key, value in config.items():
-        default = defaults.get(key)
-        if isinstance(value, Mapping) and isinstance(default, Mapping):
-            yield from _differences(value, default, f"{path}{key}.")
-        elif key not in defaults:
-            yield f"+{path}{key}={hydra_word(value)}"
-        elif default != value:
-            yield f"{path}{key}={hydra_word(value)}"
 
 
 def _shorten(path: Path) -> str:

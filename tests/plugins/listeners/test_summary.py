@@ -234,17 +234,7 @@ def test_commands_are_quoted(capsys):
     assert words == [
         ["vlmgineer", "view", folder],
         ["vlmgineer", "report", folder],
-        [
-            *(
-                "vlmgineer",
-                "evaluate",
-                "task=BringCube",
-                "sim=pybullet",
-                "tool=urdf",
-                "fitness=nominal",
-            ),
-            *("seed=3", f"designs={hydra_word(f'{folder}/best/design.json')}"),
-        ],
+        ["vlmgineer", "evaluate", f"designs={hydra_word(folder)}"],
     ]
 
 
