@@ -5,7 +5,7 @@ without a request to a model.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -122,64 +122,25 @@ def _json(value: object) -> bytes:
     return (json.dumps(value, indent=2, ensure_ascii=False) + "\n").encode()
 
 
-def _describe_run(cfg: DictConfig, estimate: Estimate) -> str:
-    """Say what the prompts of a whole run cost, with and without a provider that keeps what they share; empty: unknown.
-
-    Prompts of later generations count as long as this one; the first request of each generation finds nothing kept.
-    """
-    paid = estimate.usd_per_prompt_token
-    cached = estimate.usd_per_cached_token
-    kept = estimate.usd_per_kept_token
-    if paid is None or cached is None or kept is None:
-        return ""
-
-    generations = cfg.budget.n_iteration + 1
-    requests = generations * cfg.budget.n_agent
-    shared = estimate.shared_tokens
-    rest = estimate.prompt_tokens - shared
-    full = requests * estimate.prompt_tokens * paid
-    later = requests - generations
-    cheap = generations * shared * kept + later * shared * cached
-    cheap += requests * rest * paid
-    return (
-        f"a run has {requests} requests, whose prompts cost {full:.2f} USD; {cheap:.2f} USD where the provider keeps "
-        f"the {shared} tokens that they share"
-    )
-
-
-def _count_requests(
-    cfg: DictConfig, request: Request, follow_ups: Sequence[Request]
-) -> int:
-    """Count the requests of a generation at most, but for those that send designs back."""
-    return int(cfg.budget.n_agent * (1 + request.brief.n_tool * len(follow_ups)))
-
-
 def _describe_generation(
     cfg: DictConfig, request: Request, follow_ups: Sequence[Request], estimate: Estimate
-) -> str:
-    """Say how many requests a generation has where others follow the first, and what they cost."""
+) -> Iterator[str]:
+    """Say how many requests a generation has at most, with how many tokens, and what these cost."""
     agents = cfg.budget.n_agent
     tools = request.brief.n_tool
     later = [estimate_request(cfg, other)[1].prompt_tokens for other in follow_ups]
-    count = _count_requests(cfg, request, follow_ups)
+    count = agents * (1 + tools * len(later))
     tokens = agents * (estimate.prompt_tokens + tools * sum(later))
     paid = estimate.usd_per_prompt_token
     cost = "" if paid is None else f" ({tokens * paid:.2f} USD, and the answers)"
-    return (
-        f"a generation has at most {count} requests with some {tokens} tokens{cost}: "
-        f"of each agent one for {tools} tools, then {len(later)} for each tool"
-    )
+    yield f"a generation has at most {count} requests with some {tokens} tokens{cost}"
 
+    if estimate.usd_per_cached_token is not None:
+        yield f"{estimate.shared_tokens} tokens of each are the same: they cost less where the provider keeps them"
 
-def _describe_repairs(repairs: int, count: int, estimate: Estimate) -> str:
-    """Say how many requests more a generation of ``count`` may have for designs that break rules, and their cost."""
-    tokens = estimate.prompt_tokens
-    paid = estimate.usd_per_prompt_token
-    cost = "" if paid is None else f" ({tokens * paid:.4f} USD)"
-    return (
-        f"prompt.repair={repairs}: at most {repairs * count} requests more in a generation where designs break "
-        f"rules; each has these {tokens} tokens{cost}, and the answer that it mends"
-    )
+    repairs = count_repairs(cfg, installed().factory("vlm", cfg.vlm.name))
+    if repairs:
+        yield f"prompt.repair={repairs}: at most {repairs * count} requests more where designs break rules"
 
 
 def main(words: list[str]) -> None:
@@ -189,16 +150,7 @@ def main(words: list[str]) -> None:
     model, estimate = estimate_request(cfg, request)
     write(request, model, estimate, Path(cfg.output))
     say(f"{estimate.prompt_tokens} tokens for {model} ({estimate.counted_by})")
-    if follow_ups:
-        say(_describe_generation(cfg, request, follow_ups, estimate))
-
-    elif described := _describe_run(cfg, estimate):
-        say(described)
-
-    repairs = count_repairs(cfg, installed().factory("vlm", cfg.vlm.name))
-    if repairs:
-        count = _count_requests(cfg, request, follow_ups)
-        say(_describe_repairs(repairs, count, estimate))
+    say(*_describe_generation(cfg, request, follow_ups, estimate))
     if cfg.prompt.critic:
         say(
             f"prompt.critic={cfg.prompt.critic}: so many shorter requests come before each generation but the first"

@@ -226,9 +226,10 @@ def test_the_command_writes_what_would_be_sent(tmp_path):
         2e-6,
         "litellm.token_counter",
     )
-    first, run, repair, last = done.stdout.splitlines()
+    first, generation, shared, repair, last = done.stdout.splitlines()
     assert first == f"{tokens} tokens for openai/gpt-4.1 (litellm.token_counter)"
-    assert "tokens that they share" in run
+    assert generation.startswith("a generation has at most ")
+    assert "cost less where the provider keeps them" in shared
     assert "prompt.repair" in repair
     assert last == "there"
 
