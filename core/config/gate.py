@@ -50,8 +50,8 @@ def take_stored(
 ) -> tuple[dict[str, Any], list[str]]:
     """Return a stored configuration as it may be used, and the words of the command line that are left.
 
-    A word that repeats what is stored, or types again what has to be, is in the configuration then, and not left. The
-    files that a run was begun with are its own copies, if it has some (`core.config.own_copies`).
+    A word that types again what has to be is in the configuration then, and not left. The files that a run was begun
+    with are its own copies, if it has some (`core.config.own_copies`).
 
     Args:
         config: of a run's folder or a library, see `core.config.trust.as_stored`.
@@ -80,7 +80,18 @@ def take_stored(
             f"address: if you trust that, type it again: {mend}"
         )
 
-    used, left = _retype(config, words or (), outside, kinds)
+    paths = {path for path, *_ in outside}
+    typed = OmegaConf.create(dict(config))
+    again = [word for word in words or () if key_of(word) in paths]
+    try:
+        for override in OverridesParser.create().parse_overrides(quote_paths(again)):
+            key = override.key_or_group
+            OmegaConf.update(typed, key, override.value(), merge=False)
+    except (HydraException, OmegaConfBaseException) as error:
+        raise explain(error, "config") from error
+
+    used = cast(dict[str, Any], OmegaConf.to_container(typed))
+    left = [word for word in words or () if word not in again]
     return use_copies(used, where, given), left
 
 
@@ -129,35 +140,3 @@ def _outside_section(section: str, value: object, kind: Any) -> Iterator[Found]:
         hint = hints.get(name, Any)
         if is_outside(entry, hint):
             yield Found(f"{section}.{name}", entry, describe(hint))
-
-
-def _retype(
-    config: Config,
-    words: Sequence[str],
-    outside: Sequence[Found],
-    kinds: Collection[str] | None,
-) -> tuple[dict[str, Any], list[str]]:
-    """Put what is typed again in the place of what is stored; return the words that say something else."""
-    typed = OmegaConf.create(dict(config))
-    strange = {found.path for found in outside}
-    left = []
-    for word in words:
-        try:
-            (override,) = OverridesParser.create().parse_overrides(quote_paths([word]))
-            stored = OmegaConf.select(typed, override.key_or_group, default=None)
-        except (HydraException, OmegaConfBaseException) as error:
-            raise explain(error, "config") from error
-
-        if OmegaConf.is_config(stored):
-            stored = OmegaConf.to_container(stored)
-        key = override.key_or_group
-        is_used = kinds is None or key.partition(".")[0] in kinds
-        is_set = not (override.is_sweep_override() or override.is_delete())
-        value = override.value() if is_set else None
-        repeats = value is not None and value == stored and type(value) is type(stored)
-        if is_used and is_set and (repeats or key in strange):
-            OmegaConf.update(typed, key, value, merge=False)
-        else:
-            left.append(word)
-
-    return cast(dict[str, Any], OmegaConf.to_container(typed)), left

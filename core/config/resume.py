@@ -143,7 +143,8 @@ def _refuse_less(before: DictConfig, after: DictConfig) -> None:
 def _apply(config: DictConfig, override: Override) -> None:
     """Apply an override to a configuration.
 
-    A group is composed anew: its part has the settings that the command line gives, and else its defaults.
+    A group is composed anew: its part has the settings that the command line gives, and else its defaults. What
+    repeats a value changes nothing, and may stand there.
 
     Raises:
         UsageError: the setting can't change in a run that goes on.
@@ -153,6 +154,8 @@ def _apply(config: DictConfig, override: Override) -> None:
     if override.is_sweep_override():
         raise UsageError(f"{line}: one run goes on, with one value for each setting")
     if override.is_delete() or not (_may_change(key) or key in GROUPS):
+        if not override.is_delete() and override.value() == _get_value(config, key):
+            return
         possible = ", ".join([*GROUPS, "vlm.*", *KEYS])
         raise UsageError(
             f"{line}: a run goes on as it began; what may change: {possible}"
@@ -162,3 +165,9 @@ def _apply(config: DictConfig, override: Override) -> None:
         config[key] = load("config", [line])[key]
     else:
         OmegaConf.update(config, key, override.value(), force_add=True)
+
+
+def _get_value(config: DictConfig, key: str) -> Any:
+    """Return what a configuration has under a key; None: nothing."""
+    value = OmegaConf.select(config, key, default=None)
+    return OmegaConf.to_container(value) if OmegaConf.is_config(value) else value
