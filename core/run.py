@@ -60,7 +60,7 @@ def _run_job(cfg: DictConfig) -> float:
         check_keys(cfg)
         return start(add_search_words(cfg, list(hydra.overrides.task)), folder)
     except OmegaConfBaseException as error:  # an unknown key, or one without a value
-        raise explain(error, "config") from error
+        raise explain(error) from error
 
 
 def main(words: list[str]) -> None:
@@ -141,7 +141,7 @@ def _hydra(given: list[str]) -> None:
     except KeyFound as found:
         raise UserError(str(found)) from None
     except (HydraException, OmegaConfBaseException) as error:
-        raise explain(error, "config", words) from error
+        raise explain(error) from error
     except BrokenPipeError:
         raise
     except OSError as error:  # Hydra makes the run's folder

@@ -13,7 +13,6 @@ from hydra import compose, initialize_config_module
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.object_type import ObjectType
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import (
     HydraException,
     MissingConfigException,
@@ -31,7 +30,6 @@ from omegaconf.errors import (
 from core.config import schemas, sources
 from core.config.trust import refuse_key_words, refuse_keys
 from core.config.words import (
-    explain_several,
     explain_word,
     place_settings,
     quote_paths,
@@ -99,7 +97,7 @@ def load(name: str, overrides: Sequence[str], schema: type | None = None) -> Dic
         config = _compose(name, words)
         check_keys(config)
     except (HydraException, OmegaConfBaseException) as error:
-        raise explain(error, name, words) from error
+        raise explain(error) from error
 
     return config
 
@@ -150,14 +148,8 @@ def _compose(name: str, overrides: Sequence[str]) -> DictConfig:
     return config
 
 
-def explain(error: Exception, name: str, words: Sequence[str] = ()) -> UserError:
-    """Turn a complaint of Hydra or OmegaConf into one line that says what is possible.
-
-    Args:
-        error: the complaint.
-        name: of the primary config.
-        words: the command line's, where Hydra read them.
-    """
+def explain(error: Exception) -> UserError:
+    """Turn a complaint of Hydra or OmegaConf into one line that says what is possible."""
     failed = installed().failed
 
     if isinstance(error, OverrideParseException):
@@ -176,36 +168,12 @@ def explain(error: Exception, name: str, words: Sequence[str] = ()) -> UserError
     cause = error if isinstance(error, OmegaConfBaseException) else error.__cause__
     if isinstance(cause, ConfigAttributeError | ConfigKeyError):
         return _explain_key(cause)
-    if cause is None:
-        unread = _find_unread(name, words)
-        if unread is not None:
-            return unread
 
-    message = " ".join(str(error).split())
+    # Hydra advises to append a key, which `check_keys` refuses.
+    message, _, _ = " ".join(str(error).split()).partition(" To append ")
     if isinstance(error.__cause__, OmegaConfBaseException):
         message = f"{message.rstrip('.')}: {first_line(error.__cause__)}"
     return UsageError(f"{message}{failed}")
-
-
-def _find_unread(name: str, words: Sequence[str]) -> UsageError | None:
-    """Find a word that lists values outside of a sweep, or that names a key which the config ``name`` has not."""
-    try:
-        known = [str(key) for key in _compose(name, [])]
-    except (HydraException, OmegaConfBaseException):  # it is not the words
-        return None
-
-    is_sweep = not {"-m", "--multirun"}.isdisjoint(words)
-    settings = [word for word in words if "=" in word and not word.startswith("-")]
-    for word in OverridesParser.create().parse_overrides(settings):
-        if word.is_sweep_override() and not is_sweep:
-            line = word.input_line or ""
-            return explain_several(line) if name == "config" else explain_word(line)
-
-        key, _, _ = word.key_or_group.partition(".")
-        if key not in (*known, "hydra"):
-            return choices("key", key, known, "the configuration")
-
-    return None
 
 
 def _explain_key(error: ConfigAttributeError | ConfigKeyError) -> UsageError:

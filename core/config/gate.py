@@ -88,7 +88,7 @@ def take_stored(
             key = override.key_or_group
             OmegaConf.update(typed, key, override.value(), merge=False)
     except (HydraException, OmegaConfBaseException) as error:
-        raise explain(error, "config") from error
+        raise explain(error) from error
 
     used = cast(dict[str, Any], OmegaConf.to_container(typed))
     left = [word for word in words or () if word not in again]

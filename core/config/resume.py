@@ -69,7 +69,7 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
         for override in OverridesParser.create().parse_overrides(words):
             _apply(after, override)
     except (HydraException, OmegaConfBaseException) as error:
-        raise explain(error, "config", words) from error
+        raise explain(error) from error
 
     _refuse_less(before, after)
 

@@ -67,15 +67,6 @@ def _quote(key: str, value: str) -> str:
     return f"{key}={QuotedString(value, Quote.double).with_quotes()}"
 
 
-def explain_several(word: str) -> UsageError:
-    """Say how a run is made of each of several values."""
-    key, _, value = word.partition("=")
-    return UsageError(
-        f"{word} has several values; add -m, which makes a run of each, or if it is a text put its value in quotes: "
-        f"{shlex.quote(_quote(key, value))}"
-    )
-
-
 def explain_word(word: str) -> UsageError:
     """Say how to write a word that has another meaning, or none, as it is."""
     key, equals, value = word.partition("=")

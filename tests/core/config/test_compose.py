@@ -41,11 +41,15 @@ def test_a_plus_adds_no_unknown_key(words, reason):
     assert str(error.value).startswith(reason)
 
 
-@pytest.mark.parametrize("word", ["+vlm.model=x", "vlm=gemini"])
-def test_no_key_that_belongs_to_another_command_is_taken(word):
-    with pytest.raises(
-        UsageError, match=r"no key 'vlm' in the configuration; possible: .*designs, "
-    ):
+@pytest.mark.parametrize(
+    ("word", "reason"),
+    [
+        ("+vlm.model=x", "no key 'vlm' in the configuration; possible: .*designs, "),
+        ("vlm=gemini", "Could not override 'vlm'"),
+    ],
+)
+def test_no_key_that_belongs_to_another_command_is_taken(word, reason):
+    with pytest.raises(UsageError, match=reason):
         load("evaluate", [word])
 
 
@@ -70,7 +74,7 @@ def test_an_unknown_key_beside_a_sweep():
     with pytest.raises(UsageError) as caught:
         load("config", ["budget.n_agnet=2"])
     line = "no key 'n_agnet' in budget (did you mean 'n_agent'?); possible: "
-    assert str(explain(caught.value.__cause__, "config")).startswith(line)
+    assert str(explain(caught.value.__cause__)).startswith(line)
 
 
 def test_a_setting_without_a_value(tmp_path, monkeypatch, capsys):
@@ -138,11 +142,9 @@ def test_a_protocol_sets_what_it_fixes_and_the_command_line_goes_first(command):
 
 
 def test_a_key_that_is_not_there_and_several_values_are_told_by_the_words():
-    with pytest.raises(UsageError, match="can't read sim=mujoco,sapien; put its value"):
+    with pytest.raises(UsageError, match=r"'sim=mujoco,sapien' .* quote the value"):
         load("evaluate", ["seed=3", "sim=mujoco,sapien"])
-    with pytest.raises(
-        UsageError, match=r"seed=3,4 has several values; add -m, .* 'seed=\"3,4\"'"
-    ):
+    with pytest.raises(UsageError, match=r"'seed=3,4' .* add --multirun"):
         load("config", ["sim=mujoco", "seed=3,4"])
 
 

@@ -110,10 +110,6 @@ def test_a_number_is_none_of_the_paths(tmp_path, monkeypatch, plain):
             "can't read robot.base=[0, 0.3; close its brackets, put texts in them in quotes, or if it is a text "
             "put its value in quotes: 'robot.base=\"[0, 0.3\"'",
         ),
-        (
-            "designs=mugs, new.json",
-            "can't read designs=mugs, new.json; put its value in quotes: 'designs=\"mugs, new.json\"'",
-        ),
         ("designs", "can't read 'designs'; write KEY=VALUE"),
     ],
 )
