@@ -25,7 +25,6 @@ from core.goals.keys import Key as Key
 from core.goals.keys import Least as Least
 from core.goals.keys import Most as Most
 from core.goals.keys import Names as Names
-from core.goals.keys import Reads as Reads
 from core.goals.limit import Breach as Breach
 from core.goals.limit import Limit as Limit
 from core.goals.limit import limits as limits

@@ -70,31 +70,23 @@ class Kept(Limit):
         """Whether it looks at what happened before the end."""
         return self.throughout
 
-    def _moved(self, name: str, evidence: Evidence) -> Array:
-        """Measure how far a body got from its start, m, (...)."""
-        moved = evidence.moved(name)
-
-        if self.throughout:
-            farthest = evidence.ways(name).max(axis=-1)
-            moved = np.maximum(moved, farthest)
-
-        return moved
-
     @property
     def lost_m(self) -> float:
         """How far a body may move until nothing is earned, m."""
         return STRAYED * self.kept_m
 
-    def _turned(self, name: str, evidence: Evidence) -> Array:
-        """Measure how far a body was turned, degrees, (...)."""
+    def _strayed(self, name: str, evidence: Evidence) -> tuple[Array, Array]:
+        """Measure how far a body got from its start, m, and was turned, degrees, (...) each."""
+        moved = evidence.moved(name)
         turned = self._turns(name, evidence.start, evidence.end)
 
         if self.throughout:
             start = evidence.start.each(lambda array: array[..., None, :, :])
-            farthest = self._turns(name, start, evidence.film.states).max(axis=-1)
-            turned = np.maximum(turned, farthest)
+            turns = self._turns(name, start, evidence.film.states)
+            moved = np.maximum(moved, evidence.ways(name).max(axis=-1))
+            turned = np.maximum(turned, turns.max(axis=-1))
 
-        return turned
+        return moved, turned
 
     def _turns(self, name: str, start: State, now: State) -> Array:
         """Measure how far a body is turned from its start, degrees, (...)."""
@@ -115,9 +107,9 @@ class Kept(Limit):
     def share(self, evidence: Evidence) -> Array:
         share = np.ones(())
         for name in self.keep:
-            moved = self._moved(name, evidence) / self.kept_m
-            turned = self._turned(name, evidence) / self.kept_deg
-            left = STRAYED - np.maximum(moved, turned)
+            moved, turned = self._strayed(name, evidence)
+            most = np.maximum(moved / self.kept_m, turned / self.kept_deg)
+            left = STRAYED - most
             share = share * np.clip(left / (STRAYED - 1), 0.0, 1.0)
 
         return share
@@ -125,8 +117,7 @@ class Kept(Limit):
     def margins(self, evidence: Evidence) -> list[Margin]:
         found = []
         for name in self.keep:
-            moved = float(self._moved(name, evidence))
-            turned = float(self._turned(name, evidence))
+            moved, turned = map(float, self._strayed(name, evidence))
             found.append(Margin.at_most(f"{name} moved", moved, self.kept_m, "m"))
             found.append(Margin.at_most(f"{name} turned", turned, self.kept_deg, "deg"))
 
@@ -136,8 +127,7 @@ class Kept(Limit):
         times = evidence.film.times
 
         for name in self.keep:
-            moved = float(self._moved(name, evidence))
-            turned = float(self._turned(name, evidence))
+            moved, turned = map(float, self._strayed(name, evidence))
             if turned > self.kept_deg:
                 text = (
                     f"{name} turned by {turned:.0f} degrees, {self.kept_deg:g} allowed"

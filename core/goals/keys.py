@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
+from pydantic import BeforeValidator, Field, WithJsonSchema
+
+from core.support.inputs import in_unit
 from core.values.spans import Span
 
 LARGEST = 1e4
 FARTHEST_M = 20.0
 NEAR_ENOUGH = 0.01  # how far off a bare number still is there, m or rad, where an entry does not say it
-_BOUND = re.compile(r"\s*([<>])=?\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*")
+_BOUND = re.compile(
+    r"\s*([<>])=?\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*"
+)
 _FORMS = 'must be a number, "> 0.3", "< 0.3", or [0.2, 0.4] (the lowest and the highest, null: no limit)'
 
 
@@ -36,59 +40,6 @@ class Key:
     weak: bool = False
 
 
-@dataclass(frozen=True)
-class Within:
-    """Limits a number; Pydantic asks for it.
-
-    Attributes:
-        gt: what it must be above; None: it may be anything.
-        ge: what it must be at least; None: likewise.
-        le: what it must be at most.
-        unit: words for its unit, for who wrote a number that is too large; empty: none are needed.
-    """
-
-    gt: float | None = None
-    ge: float | None = None
-    le: float = LARGEST
-    unit: str = ""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        limits = {"gt": self.gt, "ge": self.ge, "le": self.le}
-        given = {name: limit for name, limit in limits.items() if limit is not None}
-        limited = handler(source) | given
-        if not self.unit:
-            return limited
-
-        from core.support.inputs import in_unit  # imports Pydantic
-
-        wrapper: Any = in_unit(self.unit)
-        return wrapper.__get_pydantic_core_schema__(source, lambda _: limited)
-
-
-class Reads:
-    """Marks a type whose value a function reads first; Pydantic asks it how, and is not imported for that.
-
-    Args:
-        read: makes a value of what the file says. Raises ValueError, with what it must be.
-        schema: of what the file may say, as a JSON Schema; None: that of the type.
-    """
-
-    def __init__(
-        self, read: Callable[[Any], Any], schema: Mapping[str, Any] | None = None
-    ) -> None:
-        self._read = read
-        self._schema = schema
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        from pydantic_core import core_schema
-
-        inner = handler(source)
-        return core_schema.no_info_before_validator_function(self._read, inner)
-
-    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> Any:
-        return self._schema or handler(schema)
-
-
 def read_span(given: Any) -> Span | float | None:
     """Read a number, ``"> 0.3"``, ``"< 0.3"``, or ``[0.2, 0.4]``; a number stays one, and null is none.
 
@@ -103,9 +54,9 @@ def read_span(given: Any) -> Span | float | None:
     if isinstance(given, str):
         found = _BOUND.fullmatch(given)
         if found and found[1] == ">":
-            return Span(low=_read_number(found[2]))
+            return Span(low=float(found[2]))
         if found:
-            return Span(high=_read_number(found[2]))
+            return Span(high=float(found[2]))
 
     if isinstance(given, list | tuple) and len(given) == 2:
         low, high = given
@@ -134,13 +85,6 @@ def read_least(given: Any) -> Span | None:
     return found
 
 
-def _read_number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(_FORMS) from None
-
-
 def _is_number(given: Any) -> bool:
     is_number = isinstance(given, int | float) and not isinstance(given, bool)
     return is_number and abs(given) <= LARGEST
@@ -158,19 +102,25 @@ def _read_enough(given: Any) -> Any:
     return given
 
 
-_SPANS = {"type": ["number", "string", "array", "null"], "description": _FORMS}
+_SPANS = WithJsonSchema(
+    {"type": ["number", "string", "array", "null"], "description": _FORMS}
+)
 
 Names = tuple[str, ...]
-Most = Annotated[float, Within(ge=0)]
-AboveZero = Annotated[float, Within(gt=0)]
-Metres = Annotated[float, Within(ge=-FARTHEST_M, le=FARTHEST_M, unit="it is in metres")]
+Most = Annotated[float, Field(ge=0, le=LARGEST)]
+AboveZero = Annotated[float, Field(gt=0, le=LARGEST)]
+Metres = Annotated[
+    float, Field(ge=-FARTHEST_M, le=FARTHEST_M), in_unit("it is in metres")
+]
 Direction = tuple[Metres, Metres, Metres]
 Place = tuple[Metres | None, Metres | None, Metres | None]
-Bound = Annotated[Any, Reads(read_span, _SPANS)]
-Least = Annotated[Any, Reads(read_least, _SPANS)]
+Bound = Annotated[Any, BeforeValidator(read_span), _SPANS]
+Least = Annotated[Any, BeforeValidator(read_least), _SPANS]
 Bounds = tuple[Bound, Bound, Bound]
 Enough = Annotated[
-    int | float, Reads(_read_enough, {"type": "number", "exclusiveMinimum": 0})
+    int | float,
+    BeforeValidator(_read_enough),
+    WithJsonSchema({"type": "number", "exclusiveMinimum": 0}),
 ]
 KeptNames = Names | Literal["throughout"]
 

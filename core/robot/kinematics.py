@@ -248,12 +248,6 @@ _DRIFTING = 4
 _JUMP_RAD = 0.6
 
 
-@lru_cache(maxsize=64)  # few are asked for: powers of 5 and 10
-def _damp(damping: float) -> Array:
-    """Return what damps a step: it is added to the square of the Jacobian (6, 6)."""
-    return damping * _EYE
-
-
 class Solution(NamedTuple):
     """Joints (J,) in radians, and the remaining error in metres and radians."""
 
@@ -287,13 +281,6 @@ class Arm:
         self.acceleration_limits: Array = np.array(robot.acceleration_limits)
         self.home: Array = np.array(robot.home)
         self.jump_rad = _JUMP_RAD if len(self.home) <= len(_EYE) else math.inf
-
-        # NumPy takes half as long with an array of the same shape as with a number.
-        count = len(self.home)
-        self._most_stride = np.full(count, _STRIDE)
-        self._least_stride = np.full(count, -_STRIDE)
-        self._drift = np.full(count, _DRIFT)
-        self._row_weights = np.repeat(_WEIGHTS[:, None], count, axis=1)
 
     def share_torques(self, torques: Array | None) -> dict[str, float]:
         """Return what share of its limit each joint's torque is, of (J,) N m; without those that have no limit."""
@@ -427,10 +414,10 @@ class Arm:
             jacobian = pin.computeFrameJacobian(
                 self._model, self._data, q, self._frame, pin.LOCAL
             )
-            jacobian *= self._row_weights
+            jacobian *= _WEIGHTS[:, None]
 
             # The redundant joint motion drifts home, away from the limits; only at first, so that it converges.
-            idle = self._drift * (self.home - q)
+            idle = _DRIFT * (self.home - q)
             if count >= _DRIFTING:
                 idle[:] = 0.0
 
@@ -442,11 +429,11 @@ class Arm:
                 jacobian[:, held] = 0.0
                 idle[held] = 0.0
 
-            square = jacobian.dot(jacobian.T) + _damp(damping)
+            square = jacobian.dot(jacobian.T) + damping * _EYE
             missing = error - jacobian.dot(idle)
             _, _, solution, _ = dgesv(square.T, missing, True, True)
             step = idle + jacobian.T.dot(solution)
-            step = np.minimum(np.maximum(step, self._least_stride), self._most_stride)
+            step = np.minimum(np.maximum(step, -_STRIDE), _STRIDE)
 
             trial = np.minimum(np.maximum(q + step, lower), upper)
             trial_error, trial_cost = self._miss(position, rotation, trial)

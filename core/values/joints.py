@@ -141,12 +141,14 @@ class Joint:
 
     def __post_init__(self) -> None:
         length = float(np.linalg.norm(self.axis))
-        least = self.lower
-        most = self.upper
-        span = f"{least:g}..{most:g}"
-        ball = self.kind == "ball"
+        span = f"{self.lower:g}..{self.upper:g}"
+        ends = [self.start, self.rest]
+        if self.limited or math.isfinite(self.upper):
+            ends += [self.lower, self.upper]
+
         turns = self.kind == "hinge" and self.limited
-        fixed_start = self.limited or self.start or self.rest
+        moves = self.limited or self.start or self.rest or self.latches or self.drive
+        holds = self.latches or self.stiffness or self.friction
         problems = {
             f"kind must be hinge, slider or ball, got {self.kind!r}": self.kind
             not in ("hinge", "slider", "ball"),
@@ -154,25 +156,19 @@ class Joint:
                 1e-6 < length < np.inf and np.isfinite(self.origin).all()
             ),
             f"it starts at {self.start:g}, outside of its range {span}": not (
-                least <= self.start <= most and least < most
+                self.lower <= self.start <= self.upper and self.lower < self.upper
             ),
-            "give both ends of its range, or neither": (
-                math.isfinite(least) != math.isfinite(most)
-            ),
-            f"its range {span} must be within {MAX_POSITION:g} of 0": (
-                self.limited and max(-least, most) > MAX_POSITION
+            f"rest, start and both ends of its range must be numbers up to {MAX_POSITION:g}": not (
+                np.abs(ends).max() <= MAX_POSITION
             ),
             "its range is in radians, and must be less than a whole turn; or leave it out": (
-                turns and most - least >= 2 * math.pi
-            ),
-            f"rest and start must be numbers up to {MAX_POSITION:g}": not (
-                abs(self.rest) <= MAX_POSITION and abs(self.start) <= MAX_POSITION
+                turns and self.upper - self.lower >= 2 * math.pi
             ),
             "a ball has no range, start, rest, latches or drive": bool(
-                ball and (fixed_start or self.latches or self.drive)
+                self.kind == "ball" and moves
             ),
             "a joint with a drive has no latches, spring or friction": bool(
-                self.drive and (self.latches or self.stiffness or self.friction)
+                self.drive and holds
             ),
         }
 

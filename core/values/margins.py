@@ -39,12 +39,8 @@ class Margin:
         cls, name: str, value: float, limit: float, unit: str, far: float = 0.0
     ) -> Margin:
         """Of what must not exceed a limit: 1 where the value is below it by ``far``; 0: where it is 0."""
-        margin = (
-            _cut((limit - float(value)) / far)
-            if far
-            else _cut(1 - float(value) / limit)
-        )
-        return cls(name, float(value), float(limit), unit, margin)
+        room = (limit - float(value)) / (far or limit)
+        return cls(name, float(value), float(limit), unit, _cut(room))
 
     @classmethod
     def at_least(

@@ -132,13 +132,6 @@ class ActionPlan(ABC):
         """What its waypoints stand by, one for each; empty: all stand in the world."""
         return ()
 
-    def find_anchors(self, seen: Seen) -> tuple[Anchor, ...]:
-        """Find what the waypoints of a layout (`resolve`) stand by, one for each.
-
-        By default they are taken as they are written.
-        """
-        return self.anchors
-
     @property
     def turns(self) -> Array:
         """Roll, pitch and yaw (N, 3) of its waypoints as they are written, radians; (0, 3): not as such."""

@@ -135,9 +135,6 @@ class AnchoredPlan(ActionPlan):
     def anchors(self) -> tuple[Anchor, ...]:
         return _list_anchors(self.waypoints)
 
-    def find_anchors(self, seen: Seen) -> tuple[Anchor, ...]:
-        return _list_anchors(self._walk(seen).steps)
-
     @property
     def turns(self) -> Array:
         return np.array([step.rpy for step in self.waypoints])

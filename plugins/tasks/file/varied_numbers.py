@@ -6,7 +6,7 @@ import math
 import re
 from typing import Annotated, Any
 
-from core.goals import Reads
+from pydantic import BeforeValidator, WithJsonSchema
 
 MAX_SETS = 256  # values of a number, one for a layout
 _OFF = re.compile(r"\s*\+-\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*")
@@ -41,5 +41,7 @@ def _is_finite(given: Any) -> bool:
 
 
 Varied = Annotated[
-    Any, Reads(read_range, {"type": ["string", "array"], "description": _RANGES})
+    Any,
+    BeforeValidator(read_range),
+    WithJsonSchema({"type": ["string", "array"], "description": _RANGES}),
 ]
