@@ -335,7 +335,7 @@ class Scene:
     def _check_bonds(self) -> None:
         bodies = {body.name: body for body in self.bodies}
         names = [bond.name for bond in self.bonds]
-        self._check_names("bonds and bodies", [*names, *bodies] if names else [])
+        self._check_names("bonds and bodies", [*names, *bodies])
 
         for link in self.bonds:
             where = f"bond {link.name!r}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import combinations
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -82,17 +83,15 @@ def find_fingers(
         and (beyond is None or beyond in description.above(joint.parent))
     ]
     parts = description.rigid_parts(joint.child for joint in slides)
-    for number, first in enumerate(slides):
-        for second in slides[number + 1 :]:
-            heads = [parts[joint.parent][0] for joint in (first, second)]
-            ways = [
-                (parts[joint.parent][1] @ joint.origin.pose).rotation.apply(
-                    joint.direction
-                )
-                for joint in (first, second)
-            ]
-            if heads[0] == heads[1] and ways[0] @ ways[1] < _OPPOSITE:
-                return first.name, second.name
+    opening = []
+    for joint in slides:
+        head, pose = parts[joint.parent]
+        frame = pose @ joint.origin.pose
+        opening.append((joint.name, head, frame.rotation.apply(joint.direction)))
+
+    for (first, head, way), (second, other, back) in combinations(opening, 2):
+        if head == other and way @ back < _OPPOSITE:
+            return first, second
 
     return None
 

@@ -44,10 +44,8 @@ class Material:
     most_g: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("density_kg_m3", "young_pa", "strength_pa", "most_g"):
-            value = getattr(self, name)
-            if value is not None:
-                check_positive("material.", **{name: value})
+        names = ("density_kg_m3", "young_pa", "strength_pa", "most_g")
+        check_positive("material.", **{name: getattr(self, name) for name in names})
 
         if not 0.01 <= self.infill <= 1:
             raise UsageError(

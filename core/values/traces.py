@@ -78,7 +78,7 @@ class Trace:
                 "the trace has no forces, by which contacts of soft bodies are known"
             )
 
-        found = self._never()
+        found = np.zeros(self.shape, dtype=bool)
         for (kind, toucher, other), flags in self.touching.items():
             namesake = kind != "body" and toucher in self._bodies
             if namesake and by == toucher:  # the body is meant
@@ -194,10 +194,6 @@ class Trace:
             clearances=world(self.clearances),
             strains=world(self.strains),
         )
-
-    def _never(self) -> Flags:
-        """Flags (..., T) of which none is set."""
-        return np.zeros(self.shape, dtype=bool)
 
     def _kind(self, presser: str) -> str:
         """The kind of a pair of forces by its first name, see `touching`."""
