@@ -460,12 +460,8 @@ class Scene:
     @property
     def breakable(self) -> dict[str, float]:
         """The force above which each thing breaks that can, N, by name."""
-        found = {bond.name: bond.breaks_n for bond in self.bonds}
-        for body in self.bodies:
-            if body.breaks_n > 0:
-                found[body.name] = body.breaks_n
-
-        return found
+        things: list[Bond | Body] = [*self.bonds, *self.bodies]
+        return {thing.name: thing.breaks_n for thing in things if thing.breaks_n > 0}
 
     @property
     def places(self) -> dict[str, Pose]:
@@ -499,7 +495,7 @@ class Scene:
         Raises:
             ValueError: a joint can't start there.
         """
-        poses = {body.name: body.pose for body in self.bodies}
+        poses = {None: Pose()} | {body.name: body.pose for body in self.bodies}
 
         for placed in self.ordered_joints:
             joint = placed.joint
@@ -509,29 +505,19 @@ class Scene:
                 value = np.array([1.0, 0.0, 0.0, 0.0])
                 speed = np.zeros(3)
 
-            parent = Pose()
-            if joint.parent is not None:
-                parent = poses[joint.parent]
-
-            moved = placed.carry(value, speed, Placement.at_rest(parent))
+            parent = Placement.at_rest(poses[joint.parent])
+            moved = placed.carry(value, speed, parent)
             poses[joint.body] = Pose(moved.position, moved.quaternion)
 
-        joints = []
-        for joint in self.joints:
-            start = starts.get(joint.name, joint.start)
-            joints.append(replace(joint, start=start))
-
-        return replace(self.with_poses(poses), joints=tuple(joints))
-
-    def with_poses(self, poses: Mapping[str, Pose]) -> Scene:
-        """Return the scene with bodies at other poses, by name; marks that they carry go along."""
-        placed = {body.name: body.pose for body in self.bodies}
-        placed.update(poses)
         for mark, (carrier, offset) in self.carried.items():
-            placed[mark] = placed[carrier] @ offset
+            poses[mark] = poses[carrier] @ offset
 
-        bodies = [replace(body, pose=placed[body.name]) for body in self.bodies]
-        return replace(self, bodies=tuple(bodies))
+        bodies = [replace(body, pose=poses[body.name]) for body in self.bodies]
+        joints = [
+            replace(joint, start=starts.get(joint.name, joint.start))
+            for joint in self.joints
+        ]
+        return replace(self, bodies=tuple(bodies), joints=tuple(joints))
 
     def complete(self, state: State) -> State:
         """Add the places of fixed bodies and marks, and the joints, to a state of free bodies, as rewards get it."""

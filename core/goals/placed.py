@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from core.geometry import Array
+from core.geometry import Array, step_lengths
 from core.goals.evidence import length
 from core.goals.goal import Given
 from core.goals.keys import AT, NODE, TOLERANCE, Bounds, Key, Least, Place
@@ -276,14 +276,10 @@ class Placed(Reach):
 
         start = scene.state()
         values = np.linspace(joint.lower, joint.upper, STEPS + 1)
-        parent = start.placement(joint.parent)
-        moved = guides[0].carry(values, np.zeros(STEPS + 1), parent)
-        number = start.names.index(body)
-        states = State.stack([start] * len(values))
-        states.positions[:, number] = moved.position
-        states.quaternions[:, number] = moved.quaternion
+        moved = [scene.with_starts({joint.name: value}).state() for value in values]
+        states = State.stack(moved)
 
-        step = float(np.linalg.norm(np.diff(moved.position, axis=0), axis=1).max())
+        step = float(step_lengths(states.position(body)).max())
         lefts = [measure.left(states) for measure in self.measures(body, start)]
         nearest = float(np.max(lefts, axis=0).min())
         if nearest > step:

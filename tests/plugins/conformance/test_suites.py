@@ -315,9 +315,10 @@ class Fickle(Fitness):
         self.condition = replace(condition, change=self)
 
     def __call__(self, scene):
-        body = scene.free[0]
+        first, *others = scene.bodies
         x = np.random.default_rng().uniform(0.3, 0.4)
-        return scene.with_poses({body.name: Pose.xyz_rpy((x, 0.0, 1.0))})
+        moved = replace(first, pose=Pose.xyz_rpy((x, 0.0, 1.0)))
+        return replace(scene, bodies=(moved, *others))
 
     def perturb_tool(self, tool):
         return tool
