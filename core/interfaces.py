@@ -46,7 +46,6 @@ from core.values.jobs import (
     Reading as Reading,
     Recording as Recording,
     RolloutSettings as RolloutSettings,
-    Targets as Targets,
     World as World,
     Worlds as Worlds,
 )

@@ -24,7 +24,6 @@ from core.interfaces import (
     Pushes,
     Recording,
     Rollout,
-    Targets,
     World,
     Worlds,
 )
@@ -79,7 +78,6 @@ class Schedule:
         self.measures = range(first, self.count + 1, MEASURE_EVERY)
         self.marks = sorted({*self.samples.tolist(), *self.measures, self.count})
         self.tick = max(1, round(FEEL_S / time_step))
-        self.targets = Targets(job.trajectory, self.instants, time_step)
 
     def find_step(self, instant: float) -> int:
         """Return how many steps are done at an instant of the motion, seconds; at the end of the job all are."""
@@ -99,9 +97,10 @@ class Schedule:
             return [step - begin for step in steps[within]]
 
         return Block(
-            self.targets,
+            self.job.trajectory,
+            self.time_step,
+            self.instants[begin : end + 1],
             begin,
-            end,
             list_within(self.marks),
             readings,
             list_within(self.measures),

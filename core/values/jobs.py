@@ -329,21 +329,35 @@ Order = tuple[Sequence[float], float, Sequence[float], float]
 """What a step drives the joints to, see `World.step`: plain numbers, which most engines take."""
 
 
-class Targets:
-    """What a motion drives the joints to, in each of its steps; it is sampled once, and `Block` shows parts of it.
+@dataclass(frozen=True, eq=False)
+class Block:
+    """S steps that an engine takes in a row, and when the playback looks at the world meanwhile.
 
-    Args:
-        trajectory: the motion.
-        instants: (N + 1,) when each of N steps begins, and when the last one ends; the motion begins at 0, seconds.
+    Attributes:
+        trajectory: the motion, which begins at 0 s.
         time_step: seconds.
+        instants: when each step begins, and when the last one ends (S + 1,), seconds.
+        begin: how many of the job's steps are done before.
+        marks: after how many of the block's steps (1 to S, rising) a note of the world is taken.
+        readings: after how many of them the arm feels what pushes it.
+        measures: at which of the marks the torques of the arm's motors are read.
     """
 
-    def __init__(
-        self, trajectory: JointTrajectory, instants: Array, time_step: float
-    ) -> None:
-        self.trajectory = trajectory
-        self.instants = instants
-        self.time_step = time_step
+    trajectory: JointTrajectory
+    time_step: float
+    instants: Array
+    begin: int
+    marks: Sequence[int] = ()
+    readings: Sequence[int] = ()
+    measures: Sequence[int] = ()
+
+    def __len__(self) -> int:
+        return len(self.instants) - 1
+
+    @property
+    def end(self) -> int:
+        """How many of the job's steps are done after it."""
+        return self.begin + len(self)
 
     @cached_property
     def _sampled(self) -> tuple[Array, Array]:
@@ -351,78 +365,23 @@ class Targets:
 
     @property
     def arm(self) -> Array:
-        """At each instant (N + 1, J)."""
+        """The arm's targets at each instant (S + 1, J)."""
         return self._sampled[0]
 
     @property
     def fingers(self) -> Array:
-        """At each instant (N + 1,)."""
-        return self._sampled[1]
-
-    @cached_property
-    def speeds(self) -> Array:
-        """With which the arm approaches the target at each step's end (N, J)."""
-        speeds: Array = np.diff(self.arm, axis=0) / self.time_step
-        return speeds
-
-    @cached_property
-    def finger_speeds(self) -> Array:
-        """With which the fingers do (N,)."""
-        speeds: Array = np.diff(self.fingers) / self.time_step
-        return speeds
-
-
-@dataclass(frozen=True, eq=False)
-class Block:
-    """S steps that an engine takes in a row, and when the playback looks at the world meanwhile.
-
-    Attributes:
-        targets: of the job.
-        begin: how many of the job's steps are done before.
-        end: how many are done after it.
-        marks: after how many of the block's steps (1 to S, rising) a note of the world is taken.
-        readings: after how many of them the arm feels what pushes it.
-        measures: at which of the marks the torques of the arm's motors are read.
-    """
-
-    targets: Targets
-    begin: int
-    end: int
-    marks: Sequence[int] = ()
-    readings: Sequence[int] = ()
-    measures: Sequence[int] = ()
-
-    def __len__(self) -> int:
-        return self.end - self.begin
-
-    @property
-    def trajectory(self) -> JointTrajectory:
-        return self.targets.trajectory
-
-    @property
-    def instants(self) -> Array:
-        """When each step begins, and when the last one ends (S + 1,), seconds."""
-        return self.targets.instants[self.begin : self.end + 1]
-
-    @property
-    def arm(self) -> Array:
-        """The arm's targets at each instant (S + 1, J)."""
-        return self.targets.arm[self.begin : self.end + 1]
-
-    @property
-    def fingers(self) -> Array:
         """The fingers' target at each instant (S + 1,)."""
-        return self.targets.fingers[self.begin : self.end + 1]
+        return self._sampled[1]
 
     @property
     def speeds(self) -> Array:
         """With which the arm approaches the target at each step's end (S, J)."""
-        return self.targets.speeds[self.begin : self.end]
+        return np.asarray(np.diff(self.arm, axis=0) / self.time_step)
 
     @property
     def finger_speeds(self) -> Array:
         """With which the fingers do (S,)."""
-        return self.targets.finger_speeds[self.begin : self.end]
+        return np.asarray(np.diff(self.fingers) / self.time_step)
 
     @property
     def orders(self) -> Iterator[Order]:
@@ -437,7 +396,8 @@ class Block:
 
     def until(self, count: int) -> Block:
         """Return the block's first steps, during which nobody looks."""
-        return Block(self.targets, self.begin, self.begin + count)
+        instants = self.instants[: count + 1]
+        return Block(self.trajectory, self.time_step, instants, self.begin)
 
 
 class Reading(NamedTuple):
