@@ -31,7 +31,6 @@ class TurnedBy(Reach):
 
     turned_deg: Span
 
-    orients: ClassVar = True
     keys: ClassVar = {
         "turned_deg": Key(
             Bound,

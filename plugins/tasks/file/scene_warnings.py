@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
@@ -19,9 +18,6 @@ SEEN = 0.9  # of half a picture's height: what is farther from its middle is har
 HELD_M = 0.01  # a bond holds a point of a body, not one farther from it
 # Of an eighth of a turn: 1.57 and 0.785 are so near to what they stand for.
 ROUNDED = 0.005
-_UPRIGHT = re.compile(
-    r"\b(upright|tip(s|ping|ped)? over|tilt(s|ing|ed)?)\b", re.IGNORECASE
-)
 FAR_M = 1.6  # beyond the reach of the longest arms, 1.3 m, with a tool of 0.3 m
 
 
@@ -70,17 +66,6 @@ def find_idle_joints(scene: Scene) -> Iterator[str]:
                 f"bond {bond.name} holds {bond.body} by a point {1000 * away:.0f} mm from it; its origin is in the "
                 "frame of the body"
             )
-
-
-def find_unrewarded(description: str, goals: Sequence[Goal]) -> Iterator[str]:
-    """Yield a line where a description says how a body is to stand, and no goal asks how one is turned."""
-    said = _UPRIGHT.search(description)
-    parts = [part for goal in goals for part in goal.parts]
-    if said and not any(part.orients for part in parts):
-        yield (
-            f"the description says {said[0]!r}, and no goal asks how a body is turned, so it earns nothing; add a goal "
-            "such as {bodies: [NAME], axis: [0, 0, 1], tolerance_deg: 10, throughout: true}"
-        )
 
 
 def find_radians(turns: Mapping[str, Vector]) -> Iterator[str]:

@@ -122,7 +122,6 @@ class FileTask(Task):
             *scene_warnings.find_empty_place(self._scene, self.fixture),
             *scene_warnings.find_radians(_list_turns(spec)),
             *scene_warnings.find_idle_goals(self._scene, self.goals, self.every),
-            *scene_warnings.find_unrewarded(self.description, self.goals),
         )
         for warning in self.warnings:
             warn_once(f"{self._tree.file}: {warning}")

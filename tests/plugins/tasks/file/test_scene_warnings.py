@@ -3,13 +3,11 @@
 import pytest
 
 from core.errors import UserError
-from core.goals import Away, Kept, Throughout, Turned
 from core.search.builder import check_starts
 from plugins.new.new_command import write_scene
 from plugins.tasks.file.scene_warnings import (
     find_empty_place,
     find_idle_goals,
-    find_unrewarded,
     find_warnings,
 )
 from tests.support.panda import on_panda
@@ -51,23 +49,6 @@ def test_units_that_were_mixed_up_and_bodies_in_the_air(tmp_path, text, old, new
         line.startswith(said)
         for line in warnings_of(tmp_path, text, BODY.replace(old, new, 1))
     )
-
-
-@pytest.mark.parametrize(
-    ("description", "goals", "said"),
-    [
-        ("It must stay upright.", (Away(("tin",), away=0.1),), "says 'upright'"),
-        ("Without tipping over.", (Away(("tin",), away=0.1),), "says 'tipping over'"),
-        ("It must stay upright.", (Turned(("tin",)),), ""),
-        ("Keep it upright.", (Throughout(Turned(("tin",))),), ""),
-        ("Keep the glass upright.", (Kept(("glass",)),), ""),
-        ("Touch it with the tip.", (Away(("tin",), away=0.1),), ""),
-    ],
-)
-def test_what_is_described_and_earns_nothing(description, goals, said):
-    lines = [*find_unrewarded(description, goals)]
-    assert len(lines) == bool(said)
-    assert all(said in line for line in lines)
 
 
 @pytest.mark.parametrize(
