@@ -241,7 +241,7 @@ def test_the_result(tiny):
             "budget",
             "seed",
         )
-    ] == [*("BringCube", "panda", sim, "offline", "urdf", "vlmgineer", "quick", 5)]
+    ] == [*("BringCube", "panda", sim, "offline", "urdf", "vlmgineer", "tiny", 5)]
     assert set(result["best"]) == {
         "reward",
         "margin",
