@@ -197,7 +197,7 @@ class Draft:
             return
 
         block = fill(PACKAGE, "variation", benches=benches)
-        self.text = set_variation(tree, self.text, "seen", block)
+        self.text = set_variation(self.text, "seen", block)
 
     @property
     def guesses(self) -> set[str]:

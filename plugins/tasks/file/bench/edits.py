@@ -2,82 +2,49 @@
 
 from __future__ import annotations
 
-import json
 import re
 import textwrap
+from typing import Any
 
-from plugins.tasks.file.tree import Tree
+import yaml
 
-_HEAD = re.compile(r"variations:[ \t]*(#.*)?")
-_EMPTY = re.compile(r"variations:[ \t]*(?:\{[ \t]*\}|~|null)[ \t]*(#.*)?")
+_AFTER = re.compile(r"(?:\n[ \t]*(?:#.*)?)*\Z")  # empty lines and comments
 
 
-def set_variation(tree: Tree, text: str, name: str, block: str) -> str:
+def set_variation(text: str, name: str, block: str) -> str:
     """Write a variation into a scene file, in the place of one of that name.
 
     Args:
-        tree: of the file.
-        text: of the file.
+        text: of the file, which is sound.
         name: of the variation.
         block: its lines, of which the first has its name.
     """
-    rows = text.splitlines()
-    block = textwrap.dedent(block)
-    if "variations" not in tree.data:
-        return "\n".join([*rows, "variations:", *_indent(block, 2)]) + "\n"
+    block = textwrap.dedent(block).strip()
+    root: Any = yaml.compose(text, yaml.SafeLoader)
+    entries = {key.value: value for key, value in root.value}
+    if "variations" not in entries:
+        return f"{text.rstrip()}\nvariations:\n{textwrap.indent(block, '  ')}\n"
 
-    start = tree.lines["variations",] - 1
-    head = rows[start].rstrip()
-    empty = _EMPTY.fullmatch(head)
-    if empty:
-        rows[start] = f"variations:  {empty[1] or ''}".rstrip()
-        rows[start + 1 : start + 1] = _indent(block, 2)
-    elif _HEAD.fullmatch(head):
-        _replace_block(tree, rows, name, block)
-    else:
-        _unfold(tree, rows, name, block)
+    node = entries["variations"]
+    start = node.start_mark.index
+    if isinstance(node, yaml.MappingNode) and not node.flow_style:
+        depth = " " * node.start_mark.column
+        block = textwrap.indent(block, depth).lstrip()
+        for key, value in node.value:
+            if key.value == name:
+                start = key.start_mark.index
+                rest = text[value.end_mark.index :]
+                after = _AFTER.search(text[start : value.end_mark.index])
+                return f"{text[:start]}{block}{after[0] if after else ''}{rest}"
 
-    return "\n".join(rows) + "\n"
+        return f"{text[:start]}{block}\n{depth}{text[start:]}"
 
+    # It stands in braces, or is empty: each variation gets lines of its own.
+    lines = [block]
+    for key, value in node.value or ():
+        if key.value != name:
+            lines.append(text[key.start_mark.index : value.end_mark.index])
 
-def _replace_block(tree: Tree, rows: list[str], name: str, block: str) -> None:
-    """Replace a variation that has lines of its own, or put one before the others."""
-    start = tree.lines["variations",] - 1
-    firsts = [line for where, line in tree.lines.items() if _is_variation(where)]
-    depth = 2
-    if firsts:
-        row = rows[min(firsts) - 1]
-        depth = len(row) - len(row.lstrip())
-
-    if ("variations", name) in tree.lines:
-        first = tree.lines["variations", name] - 1
-        last = first + 1
-        while last < len(rows) and rows[last].startswith(" " * (depth + 1)):
-            last += 1
-        del rows[first:last]
-
-    rows[start + 1 : start + 1] = _indent(block, depth)
-
-
-def _unfold(tree: Tree, rows: list[str], name: str, block: str) -> None:
-    """Write variations that stand in braces in lines of their own, with another one."""
-    start = tree.lines["variations",] - 1
-    keys = [line for where, line in tree.lines.items() if len(where) == 1]
-    end = min([line - 1 for line in keys if line - 1 > start], default=len(rows))
-    while end > start + 1 and re.fullmatch(r"\s*(#.*)?", rows[end - 1]):
-        end -= 1
-
-    others = []
-    for other, ranges in tree.data["variations"].items():
-        if other != name:
-            others.append(f"  {other}: {json.dumps(ranges)}")
-
-    rows[start:end] = ["variations:", *_indent(block, 2), *others]
-
-
-def _is_variation(where: tuple[str | int, ...]) -> bool:
-    return len(where) == 2 and where[0] == "variations"
-
-
-def _indent(block: str, depth: int) -> list[str]:
-    return textwrap.indent(block, " " * depth).splitlines()
+    comment, _, rest = text[node.end_mark.index :].partition("\n")
+    whole = textwrap.indent("\n".join(lines), "  ")
+    return f"{text[:start].rstrip()}{comment}\n{whole}\n{rest}"

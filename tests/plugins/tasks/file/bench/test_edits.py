@@ -44,14 +44,14 @@ TEXT = "description: |\n  Of its\n  variations:\n    seen: none, and pictures: n
 @pytest.mark.parametrize("after", ["", "# The end.\ntable: true\n"])
 def test_a_variation_is_written_into_any_file(written, others, after):
     text = f"{TEXT}{written}{after}"
-    edited = set_variation(Tree(FILE, text), text, "seen", BLOCK)
+    edited = set_variation(text, "seen", BLOCK)
     data = Tree(FILE, edited).data
     before = Tree(FILE, text).data
     assert data.pop("variations") == {"seen": SEEN, **others}
     before.pop("variations", None)
     assert data == before
     assert ("# The end." in edited) == bool(after)
-    assert set_variation(Tree(FILE, edited), edited, "seen", BLOCK) == edited
+    assert set_variation(edited, "seen", BLOCK) == edited
 
 
 @pytest.mark.parametrize(
