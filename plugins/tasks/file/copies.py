@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -66,32 +66,32 @@ def _write_copies(body: dict[str, Any], files: Files) -> Iterator[dict[str, Any]
         }
 
 
-def read_ranges(
-    data: dict[str, Any], given: Mapping[str, Range | float], files: Files
+def read_range(
+    data: dict[str, Any], path: str, wanted: Range | float, files: Files
 ) -> Values:
-    """Read a variation: a pattern such as ``bodies.ball_*.mass`` stands for all bodies that fit it.
+    """Read a path of a variation: a pattern such as ``bodies.ball_*.mass`` stands for all bodies that fit it.
 
     Args:
         data: of the whole file, read and sound.
-        given: by path, a range, or by how much the number may be off what the file says.
+        path: to a number, or to several.
+        wanted: its range, or by how much it may be off what the file says.
         files: of the scene's folder.
     Raises:
         LookupError: a pattern fits no body, or there is no such number.
         ValueError: likewise.
     """
-    patterns = [path for path in given if _GLOB.search(path)]
-    repeated = [body["name"] for body in data.get("bodies", ()) if "repeat" in body]
-    copies = [f"bodies.{name}_0" for name in repeated] if patterns else []
-    whole = unfold(data, [*given, *copies], files)
+    named = [path]
+    if _GLOB.search(path):
+        repeated = [body for body in data.get("bodies", ()) if "repeat" in body]
+        named = [f"bodies.{body['name']}_0" for body in repeated]
 
+    whole = unfold(data, named, files)
     ranges = Values()
-    for path, wanted in given.items():
-        for single in _find_paths(whole, path):
-            if isinstance(wanted, tuple):
-                ranges[single] = wanted
-                continue
-
-            holder, key = follow(whole, single)
+    for single in _find_paths(whole, path):
+        holder, key = follow(whole, single)
+        if isinstance(wanted, tuple):
+            ranges[single] = wanted
+        else:
             ranges[single] = (holder[key] - wanted, holder[key] + wanted)
 
     return ranges

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
@@ -134,22 +134,19 @@ class FileTask(Task):
         """
         found = {}
         for name, given in spec.variations.items():
-            for path in given:
+            found[name] = copies.Values()
+            for path, wanted in given.items():
                 problem = _find_stranger(path)
+                if not problem:
+                    try:
+                        found[name] |= copies.read_range(
+                            self._tree.data, path, wanted, self._files
+                        )
+                    except (LookupError, TypeError, ValueError):
+                        problem = tree.explain_missing(path)
+
                 if problem:
                     raise self._tree.error(("variations", name, path), problem)
-
-            ranges = copies.Values()
-            for path, wanted in given.items():
-                try:
-                    one = {path: wanted}
-                    ranges |= copies.read_ranges(self._tree.data, one, self._files)
-                except (LookupError, TypeError, ValueError):
-                    where = ("variations", name, path)
-                    problem = tree.explain_missing(path)
-                    raise self._tree.error(where, problem) from None
-
-            found[name] = ranges
 
         return found
 
@@ -239,17 +236,12 @@ class FileTask(Task):
             raise UserError(str(error)) from error
 
     def _check_variations(self) -> None:
-        """Refuse ranges of what is no number of the file, or that lead to a scene that can't be.
+        """Refuse ranges that lead to a scene that can't be.
 
         Raises:
             UserError: says which.
         """
         for name, ranges in self.variations.items():
-            for path, (low, high) in ranges.items():
-                problem = self._find_problem(path, low, high)
-                if problem:
-                    raise self._tree.error(("variations", name, path), problem)
-
             sets = self._sets[name]
             for end in (0, 1):
                 numbers = [
@@ -260,20 +252,6 @@ class FileTask(Task):
             for values in zip(*sets.values(), strict=True):
                 self._check_numbers(name, list(zip(sets, values, strict=True)))
 
-    def _find_problem(self, path: str, low: float, high: float) -> str:
-        """Say what is wrong with a range by itself; empty: nothing."""
-        if low > high:
-            return (
-                f"its range is from {low:g} to {high:g}; write the lower number first"
-            )
-
-        try:
-            tree.follow(copies.unfold(self._tree.data, [path], self._files), path)
-        except (LookupError, TypeError, ValueError):
-            return tree.explain_missing(path)
-
-        return ""
-
     def _check_numbers(
         self, variation: str, numbers: Sequence[tuple[str, float]]
     ) -> None:
@@ -282,28 +260,18 @@ class FileTask(Task):
         Raises:
             UserError: says which.
         """
+        with suppress(UserError):
+            self.with_numbers(dict(numbers))
+            return
 
-        def problem(count: int) -> UserError | None:
-            """Find out what is wrong with a scene of the first numbers."""
+        for count, (path, number) in enumerate(numbers, 1):
             try:
                 self.with_numbers(dict(numbers[:count]))
             except UserError as error:
-                return error
-
-            return None
-
-        if problem(len(numbers)) is None:
-            return
-
-        # Few scenes are built, whatever the number of ranges.
-        first = bisect_left(
-            range(len(numbers)),
-            True,
-            key=lambda number: problem(number + 1) is not None,
-        )
-        path, number = numbers[first]
-        reason = f"{number:g} can't be: {problem(first + 1)}"
-        raise self._tree.error(("variations", variation, path), reason)
+                where = ("variations", variation, path)
+                raise self._tree.error(
+                    where, f"{number:g} can't be: {error}"
+                ) from error
 
     @property
     def reads_trace(self) -> bool:

@@ -29,6 +29,12 @@ def read_range(given: Any) -> tuple[float, ...] | float:
 
     several = isinstance(given, list | tuple) and 2 <= len(given) <= MAX_SETS
     if several and all(map(_is_finite, given)):
+        if len(given) == 2 and given[0] > given[1]:
+            low, high = given
+            raise ValueError(
+                f"its range is from {low:g} to {high:g}; write the lower number first"
+            )
+
         return tuple(map(float, given))
 
     raise ValueError(_RANGES)
