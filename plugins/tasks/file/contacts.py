@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -21,11 +20,11 @@ from core.robot.solids import (
     solids_of,
 )
 from core.scene import Scene
-from core.solids.standing import OVERLAP_M, measure_gap, pair_bodies
+from core.solids.hindrances import Sweep
+from core.solids.standing import OVERLAP_M, pair_bodies
 
 CONTACT_M = 0.0005  # the largest gap of what a rollout counts as contact
 NEAR_M = 0.02  # what is farther apart does not meet while a scene is fitted
-_STEPS = 40  # places of a joint that are looked at
 _NEAREST = 8  # shapes of two bodies that are looked at
 
 Shapes = tuple[str, int, str, int]
@@ -74,53 +73,27 @@ def find_buried(goal: Reach, scene: Scene) -> Iterator[str]:
 
 
 def find_blocked(goal: Reach, scene: Scene) -> Iterator[str]:
-    """Yield a line where something fixed stops the joint of a goal on the way to where it is to be."""
+    """Yield a line where what can't be pushed away stops the joint of a goal on its way."""
     start = scene.state()
     for want in goal.wants(scene):
         if not want.joint or scene.placed_joints[want.joint].joint.kind == "ball":
             continue
 
-        joint = scene.placed_joints[want.joint].joint
-        names = _list_hanging(scene, joint.body)
-        before = _measure_fixed(scene, names)
-        aim = min(max(want.to, joint.lower), joint.upper)
-        for value in np.linspace(joint.start, aim, _STEPS + 1).tolist():
-            moved = scene.with_starts({joint.name: value})
-            gaps = _measure_fixed(moved, names)
-            met = [p for p, gap in gaps.items() if gap < min(before[p], 0) - OVERLAP_M]
-            if not met:
-                continue
+        sweep = Sweep(scene, want.joint)
+        joint = sweep.joint
+        block = sweep.to(min(max(want.to, joint.lower), joint.upper))
+        if block is None:
+            continue
 
-            reached = float(goal.progress(start, scene.complete(moved.state())))
-            if reached < 1.0:
-                name, other = met[0]
-                unit = "m" if joint.kind == "slider" else "rad"
-                where = f"where joint {joint.name} is at {value:.3g} {unit}"
-                yield (
-                    f"{goal.label(want.number)}: {name} meets {other} {where}, and has to go on; move {other}, or ask "
-                    "for less"
-                )
-            break
-
-
-def _list_hanging(scene: Scene, body: str) -> list[str]:
-    """List a body, and what hangs from it by joints."""
-    names = [body]
-    for placed in scene.ordered_joints:
-        if placed.joint.parent in names:
-            names.append(placed.joint.body)
-
-    return names
-
-
-def _measure_fixed(scene: Scene, names: Sequence[str]) -> dict[tuple[str, str], float]:
-    """Measure the gap between each of some bodies and each that is fixed, but those that a joint connects, m."""
-    fixed = [body.name for body in scene.bodies if body.fixed and body.collisions]
-    return {
-        (name, other): measure_gap(scene, name, other)
-        for name, other in itertools.product(names, fixed)
-        if frozenset((name, other)) not in scene.joined
-    }
+        moved = scene.with_starts({joint.name: block.value})
+        reached = float(goal.progress(start, scene.complete(moved.state())))
+        if reached < 1.0:
+            unit = "m" if joint.kind == "slider" else "rad"
+            where = f"where joint {joint.name} is at {block.value:.3g} {unit}"
+            yield (
+                f"{goal.label(want.number)}: {block.body} meets {block.other} {where}, and has to go on; move "
+                f"{block.other}, or ask for less"
+            )
 
 
 def find_meetings(scene: Scene, names: set[str]) -> Iterator[Meeting]:

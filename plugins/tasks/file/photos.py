@@ -13,7 +13,7 @@ from core.scene import Camera
 from core.simulation.pictures import describe_camera
 from core.support.sandbox import isolated
 from plugins.tasks.file.imports.solids import read_inside
-from plugins.tasks.file.pixels import as_png, find_fov
+from plugins.tasks.file.pixels import read_pixels
 
 MAX_MB = 30
 LIMIT_S = 60
@@ -35,13 +35,13 @@ def read_with_fov(
 ) -> tuple[Picture, float | None]:
     """Read a photograph (`read_photograph`), and the vertical field of view that it says it has, degrees."""
     data = read_inside(folder / file, folder, "photograph", MAX_MB)
-    png = isolated(as_png, f"photograph {folder / file}", data, limit_s=LIMIT_S)
+    read = isolated(read_pixels, f"photograph {folder / file}", data, limit_s=LIMIT_S)
+    digits, _, png = read.partition(b"\n")
     with Image.open(io.BytesIO(png)) as sent:  # made by this program
         known = "where its camera stood is not known"
         if camera:
             known = describe_camera(camera, sent.size)
 
-    digits = isolated(find_fov, f"photograph {folder / file}", data, limit_s=LIMIT_S)
     return write_caption(Picture(png, name), known), float(digits) if digits else None
 
 

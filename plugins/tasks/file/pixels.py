@@ -18,9 +18,11 @@ _UPRIGHT = (5, 6, 7, 8)  # orientations in which a photograph is turned by 90 de
 _DIAGONAL_35 = 43.27  # of such a film, mm
 
 
-def as_png(data: bytes) -> bytes:
+def read_pixels(data: bytes) -> bytes:
     """Convert an untrusted picture: only its pixels go on, without profiles, places or texts that the file holds.
 
+    Returns:
+        A line, and a PNG picture. The line is the vertical field of view that EXIF gives, degrees in digits, or empty.
     Raises:
         UserError: it is too large, or no picture.
     """
@@ -36,6 +38,7 @@ def as_png(data: bytes) -> bytes:
                     f"has {opened.width} x {opened.height} pixels; at most {MAX_PIXELS:,} are read"
                 )
 
+            fov_deg = _find_fov(opened)
             photograph = ImageOps.exif_transpose(_read_grey(opened)).convert("RGB")
     except UnidentifiedImageError as error:  # it names a stream of this program
         raise UserError("is no PNG or JPEG picture that can be read") from error
@@ -50,7 +53,7 @@ def as_png(data: bytes) -> bytes:
     pixels = Image.frombytes("RGB", photograph.size, photograph.tobytes())
     pixels.save(stream, "PNG")
 
-    return stream.getvalue()
+    return f"{fov_deg}\n".encode() + stream.getvalue()
 
 
 def _read_grey(picture: Image.Image) -> Image.Image:
@@ -61,25 +64,19 @@ def _read_grey(picture: Image.Image) -> Image.Image:
     return picture.convert("I").point(lambda value: value * (1 / 256)).convert("L")
 
 
-def find_fov(data: bytes) -> bytes:
-    """Read the vertical field of view that an untrusted picture's EXIF gives; return degrees in digits, or nothing."""
+def _find_fov(picture: Image.Image) -> str:
+    """Read the vertical field of view that a picture's EXIF gives; return degrees in digits, or nothing."""
     try:
-        with (
-            warnings.catch_warnings(),
-            Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as opened,
-        ):
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            exif = opened.getexif()
-            focal = float(exif.get_ifd(_CAMERA).get(_FOCAL_35, 0))
-            width, height = opened.size
-            if exif.get(ExifTags.Base.Orientation, 1) in _UPRIGHT:
-                width, height = height, width
-    except (OSError, SyntaxError, TypeError, ValueError, Image.DecompressionBombError):
-        return b""
+        exif = picture.getexif()
+        focal = float(exif.get_ifd(_CAMERA).get(_FOCAL_35, 0))
+        width, height = picture.size
+        if exif.get(ExifTags.Base.Orientation, 1) in _UPRIGHT:
+            width, height = height, width
+    except (OSError, SyntaxError, TypeError, ValueError):
+        return ""
 
     if not 1 <= focal <= 1000:
-        return b""
+        return ""
 
     half = _DIAGONAL_35 / 2 * height / math.hypot(width, height)
-    fov_deg = math.degrees(2 * math.atan(half / focal))
-    return f"{fov_deg:.3f}".encode()
+    return f"{math.degrees(2 * math.atan(half / focal)):.3f}"

@@ -19,9 +19,9 @@ from core.support.text import clean
 from plugins.tasks.file.bench.asking import Asker
 from plugins.tasks.file.bench.checks import find_faults, measure_reach
 from plugins.tasks.file.bench.edits import set_variation
-from plugins.tasks.file.bench.fitting import Fit, fit_seen, place_points
+from plugins.tasks.file.bench.fitting import Evidence, Fit, fit_seen, place_points
 from plugins.tasks.file.bench.marks import Numbers
-from plugins.tasks.file.bench.mistakes import Evidence, find_mistake
+from plugins.tasks.file.bench.mistakes import find_mistake
 from plugins.tasks.file.bench.photographs import Photograph
 from plugins.tasks.file.bench.scene_replies import LONGEST, Beside, read_reply
 from plugins.tasks.file.bench.views import LEAST_PLACES, Landmarks
@@ -154,12 +154,12 @@ class Draft:
 
             if not self.faults:
                 self._find_views()
-                seen = self.beside.sightings
+                evidence = Evidence(self.photographs, self.beside.sightings)
                 task = self.read()
-                self.fit = fit_seen(task, numbers, self.photographs, seen)
-                self._name_mistake(task, numbers)
+                self.fit = fit_seen(task, numbers, evidence)
+                self._name_mistake(task, numbers, evidence)
                 if self._place_others(task):
-                    self.fit = fit_seen(task, numbers, self.photographs, seen)
+                    self.fit = fit_seen(task, numbers, evidence)
 
                 self.text = numbers.write(self.fit.values)
                 self.faults = [*find_faults(self.read()), *self.fit.misses]
@@ -225,13 +225,14 @@ class Draft:
             for number, photograph in enumerate(self.photographs)
         ]
 
-    def _name_mistake(self, task: FileTask, numbers: Numbers) -> None:
+    def _name_mistake(
+        self, task: FileTask, numbers: Numbers, evidence: Evidence
+    ) -> None:
         """Look for what a person gets wrong, before pixels are blamed.
 
         Raises:
             BenchMistake: it is that.
         """
-        evidence = Evidence(self.photographs, self.beside.sightings)
         found = find_mistake(task, numbers, evidence, self.fit, self.board)
         if found is None:
             return

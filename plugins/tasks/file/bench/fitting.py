@@ -45,6 +45,14 @@ _LEAST = 0.01  # of the largest slope of gaps: smaller ones are none
 _TOUCHED = 3  # steps by which what touches is brought together again
 
 
+@dataclass(frozen=True)
+class Evidence:
+    """What is known of a bench: photographs, and what was seen in them."""
+
+    photographs: Sequence[Photograph]
+    sightings: Sequence[Sighting]
+
+
 @dataclass
 class Fit:
     """What was fitted.
@@ -71,18 +79,13 @@ class Fit:
     misfit: float = 0.0
 
 
-def fit_seen(
-    task: FileTask,
-    numbers: Numbers,
-    photographs: Sequence[Photograph],
-    sightings: Sequence[Sighting],
-) -> Fit:
+def fit_seen(task: FileTask, numbers: Numbers, evidence: Evidence) -> Fit:
     """Fit places, turns and sizes that are marked as seen, and the cameras, all at once (bundle adjustment).
 
     What was measured of a camera, and what the model says of a number, are priors. What touches something goes on
     touching it. What was not sighted stays.
     """
-    problem = _Problem(task, numbers, photographs, sightings)
+    problem = _Problem(task, numbers, evidence)
     fit = Fit()
     if not problem.unknowns:
         return fit
@@ -132,8 +135,7 @@ class Misfit(NamedTuple):
 def measure_misfit(
     task: FileTask,
     numbers: Numbers,
-    photographs: Sequence[Photograph],
-    sightings: Sequence[Sighting],
+    evidence: Evidence,
     *,
     solved: bool = True,
 ) -> Misfit:
@@ -142,11 +144,10 @@ def measure_misfit(
     Args:
         task: the scene as it was written.
         numbers: its numbers, with their marks.
-        photographs: with what is known of their cameras.
-        sightings: what was seen where.
+        evidence: what was seen where.
         solved: after the fit; else before it, which is quick, and more.
     """
-    problem = _Problem(task, numbers, photographs, sightings)
+    problem = _Problem(task, numbers, evidence)
     shifted = np.zeros(problem.size)
     if solved and problem.unknowns:
         shifted, _ = _solve(problem, shifted)
@@ -172,10 +173,11 @@ class _Problem:
         self,
         task: FileTask,
         numbers: Numbers,
-        photographs: Sequence[Photograph],
-        sightings: Sequence[Sighting],
+        evidence: Evidence,
     ) -> None:
         scene = task.scene(0)
+        photographs = evidence.photographs
+        sightings = evidence.sightings
         names = {body.name for body in scene.bodies}
         known = {n for n, photograph in enumerate(photographs, 1) if photograph.view}
         self.bundle = Bundle(photographs)

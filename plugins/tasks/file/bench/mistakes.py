@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -10,7 +11,7 @@ import numpy as np
 
 from core.errors import UserError
 from core.geometry import Array, Pose
-from plugins.tasks.file.bench.fitting import BASE, Fit, Misfit, measure_misfit
+from plugins.tasks.file.bench.fitting import BASE, Evidence, Fit, measure_misfit
 from plugins.tasks.file.bench.marks import Numbers
 from plugins.tasks.file.bench.photographs import Photograph
 from plugins.tasks.file.bench.scene_replies import Sighting
@@ -21,14 +22,6 @@ POOR = 4.0  # misfit per number that was seen: below it nothing is suspected ...
 FAR_BASE_PX = 80.0  # ... unless the arm's foot is missed by more than this ...
 NEAR_BASE_PX = 60.0  # ... which the mistake explains if it is missed by less then
 _SOLVED = 2  # of the hypotheses, those that begin best
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """What is known of a bench: photographs, and what was seen in them."""
-
-    photographs: Sequence[Photograph]
-    sightings: Sequence[Sighting]
 
 
 @dataclass(frozen=True)
@@ -68,19 +61,20 @@ def find_mistake(
     if fit.misfit < POOR * max(count, 1) and not fit.misses:
         return None
 
-    tried = []
-    for hypothesis in _list_hypotheses(evidence):
-        begins = _measure(task, numbers, hypothesis.evidence, solved=False)
-        tried.append((begins.total, hypothesis))
+    def measure(hypothesis: Hypothesis, *, solved: bool) -> float:
+        bare = hypothesis.evidence
+        return measure_misfit(task, numbers, bare, solved=solved).total
 
-    tried.sort(key=lambda pair: pair[0])
-    found = []
-    for _, hypothesis in tried[:_SOLVED]:
-        after = _measure(task, numbers, hypothesis.evidence)
-        if after.total < BETTER * fit.misfit:
-            found.append((after.total, hypothesis))
-
-    return min(found, key=lambda pair: pair[0])[1] if found else None
+    hypotheses = [
+        *_swap_cameras(evidence),
+        *_turn_photographs(evidence),
+        *_leave_out_moved(evidence),
+    ]
+    hypotheses.sort(key=lambda hypothesis: measure(hypothesis, solved=False))
+    likely = hypotheses[:_SOLVED]
+    after = {measure(found, solved=True): found for found in reversed(likely)}
+    least = min(after, default=math.inf)
+    return after[least] if least < BETTER * fit.misfit else None
 
 
 def _explain_base(
@@ -98,14 +92,14 @@ def _explain_base(
     if board:
         hypotheses += _turn_board(evidence, board)
 
-    found = []
-    for hypothesis in hypotheses:
-        after = _measure(task, numbers, hypothesis.evidence, solved=False)
-        if after.base_px < NEAR_BASE_PX:
-            found.append((after.base_px, hypothesis))
+    found = dict[float, Hypothesis]()
+    for hypothesis in reversed(hypotheses):
+        after = measure_misfit(task, numbers, hypothesis.evidence, solved=False)
+        found[after.base_px] = hypothesis
 
-    if found:
-        return min(found, key=lambda pair: pair[0])[1]
+    least = min(found, default=math.inf)
+    if least < NEAR_BASE_PX:
+        return found[least]
 
     what = "board's place and yaw" if board else "cameras"
     return Hypothesis(
@@ -113,20 +107,6 @@ def _explain_base(
         evidence,
         may_point=True,
     )
-
-
-def _measure(
-    task: FileTask, numbers: Numbers, evidence: Evidence, *, solved: bool = True
-) -> Misfit:
-    return measure_misfit(
-        task, numbers, evidence.photographs, evidence.sightings, solved=solved
-    )
-
-
-def _list_hypotheses(evidence: Evidence) -> Iterator[Hypothesis]:
-    yield from _swap_cameras(evidence)
-    yield from _turn_photographs(evidence)
-    yield from _leave_out_moved(evidence)
 
 
 def _swap_cameras(evidence: Evidence) -> Iterator[Hypothesis]:

@@ -10,7 +10,7 @@ from PIL import Image
 from core.errors import UserError
 from plugins.tasks.file.bench.edits import set_variation
 from plugins.tasks.file.bench.scene_replies import read_reply
-from plugins.tasks.file.pixels import as_png
+from plugins.tasks.file.pixels import read_pixels
 from plugins.tasks.file.tree import Tree
 
 FILE = Path("scene.yaml")
@@ -70,7 +70,8 @@ def test_sixteen_bits_of_grey_are_not_white():
     grey = np.linspace(0, 65535, 64 * 48).reshape(48, 64).astype(np.uint16)
     stream = io.BytesIO()
     Image.fromarray(grey).save(stream, "PNG")
-    with Image.open(io.BytesIO(as_png(stream.getvalue()))) as read:
+    _, _, png = read_pixels(stream.getvalue()).partition(b"\n")
+    with Image.open(io.BytesIO(png)) as read:
         shown = np.asarray(read.convert("L"))
 
     assert shown[0, 0] < 5
