@@ -9,8 +9,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass as plain
 from dataclasses import replace
 from fnmatch import fnmatchcase
-from typing import Annotated, Any, ClassVar, Literal
+from itertools import groupby
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
+import numpy as np
 from pydantic import Field, Strict, TypeAdapter
 from pydantic.dataclasses import dataclass
 
@@ -18,6 +20,7 @@ from core.design import DesignError
 from core.designs.plan_rules import MAX_REACH_M, MAX_WAYPOINTS
 from core.designs.schema import object_schema
 from core.errors import refuse
+from core.geometry import Array
 from core.support.inputs import FIELDS, check, meant
 from core.support.text import count_words, kind
 from plugins.actions.steps import HERE, IT, Name, Step, read_step
@@ -141,11 +144,6 @@ class Repeat:
                 "'repeat' needs a {\"look\": true} among its own steps, without which nothing new is seen"
             )
 
-    @property
-    def wanted(self) -> Sighting:
-        """The condition."""
-        return self.until_seen
-
 
 @dataclass(frozen=True, config=FIELDS)
 class Choose:
@@ -155,11 +153,6 @@ class Choose:
     choose: Sighting
     then: tuple[Item, ...]
     otherwise: tuple[Item, ...] = ()
-
-    @property
-    def wanted(self) -> Sighting:
-        """The condition."""
-        return self.choose
 
 
 @dataclass(frozen=True, config=FIELDS)
@@ -183,11 +176,6 @@ class Each:
             raise ValueError(
                 f"'until_seen' of an 'each' is about its body: give a goal, or \"body\": \"{IT}\""
             )
-
-    @property
-    def wanted(self) -> Sighting:
-        """The condition."""
-        return self.until_seen
 
 
 Block = Repeat | Choose | Each
@@ -224,6 +212,11 @@ def list_items(items: Sequence[Item]) -> Iterator[Item]:
             yield from list_items(part)
 
 
+def condition_of(block: Block) -> Sighting:
+    """Return the condition of a block."""
+    return block.choose if isinstance(block, Choose) else block.until_seen
+
+
 def list_waypoints(items: Sequence[Item]) -> list[Step]:
     """List the waypoints of a tree, as they are written."""
     return [item for item in list_items(items) if isinstance(item, Step)]
@@ -248,8 +241,7 @@ def change_waypoints(
     return tuple(changed)
 
 
-@plain(frozen=True)
-class Cost:
+class Cost(NamedTuple):
     """The most that steps can come to, with all rounds of loops, however the scene looks.
 
     Attributes:
@@ -264,82 +256,68 @@ class Cost:
     guards: int = 0
     seconds: float = 0.0
 
-    def __add__(self, other: Cost) -> Cost:
-        return Cost(*(a + b for a, b in zip(self.figures, other.figures, strict=True)))
-
-    def times(self, count: int) -> Cost:
-        return Cost(*(count * figure for figure in self.figures))
-
-    def or_else(self, other: Cost) -> Cost:
-        """Return the most of two of which one is done."""
-        return Cost(*map(max, self.figures, other.figures))
-
     def __str__(self) -> str:
-        counted = [
-            count_words(self.waypoints, "waypoint"),
-            count_words(self.looks, "look"),
-            count_words(self.guards, "guard"),
-        ]
-        return ", ".join(counted)
-
-    @property
-    def figures(self) -> tuple[Any, ...]:
-        return self.waypoints, self.looks, self.guards, self.seconds
+        return ", ".join(map(count_words, self[:3], ("waypoint", "look", "guard")))
 
     @classmethod
     def of(cls, items: Sequence[Item]) -> Cost:
         """Count the most that steps can come to."""
-        return sum(map(_cost_of, items), cls())
+        waypoints, looks, guards, seconds = _count_all(items).tolist()
+        return cls(int(waypoints), int(looks), int(guards), seconds)
 
 
-def _cost_of(item: Item) -> Cost:
+def _count_all(items: Sequence[Item]) -> Array:
+    """Count the figures (4,) of a `Cost`."""
+    return sum(map(_count, items), np.zeros(4))
+
+
+def _count(item: Item) -> Array:
     match item:
         case Step():
-            return Cost(1, 0, int(bool(item.until)), item.seconds + item.wait)
+            return np.array([1, 0, bool(item.until), item.seconds + item.wait])
         case LookStep():
-            return Cost(looks=1)
+            return np.array([0, 1, 0, 0])
         case Choose():
-            return Cost.of(item.then).or_else(Cost.of(item.otherwise))
+            return np.maximum(_count_all(item.then), _count_all(item.otherwise))
         case Repeat():
-            return Cost.of(item.repeat).times(item.at_most)
+            return item.at_most * _count_all(item.repeat)
         case Each():
-            return Cost.of(item.do).times(item.at_most)
+            return item.at_most * _count_all(item.do)
 
 
 def outline(items: Sequence[Item], indent: str = "") -> list[str]:
     """Describe steps in lines, those within a block farther to the right."""
     lines = []
-    waypoints = 0
-
-    for item in [*items, None]:
-        if isinstance(item, Step):
-            waypoints += 1
+    for is_step, group in groupby(items, lambda item: isinstance(item, Step)):
+        alike = list(group)
+        if is_step:
+            lines.append(f"{indent}{count_words(len(alike), 'waypoint')}")
             continue
-        if waypoints:
-            lines.append(f"{indent}{count_words(waypoints, 'waypoint')}")
-            waypoints = 0
 
-        match item:
-            case LookStep():
-                lines.append(f"{indent}look")
-            case Choose():
-                lines.append(f"{indent}if {item.choose} is seen:")
-                lines += outline(item.then, f"{indent}  ")
-                if item.otherwise:
-                    lines.append(f"{indent}otherwise:")
-                    lines += outline(item.otherwise, f"{indent}  ")
-            case Repeat():
-                most = f"at most {count_words(item.at_most, 'time')}"
-                lines.append(f"{indent}until {item.until_seen} is seen, {most}:")
-                lines += outline(item.repeat, f"{indent}  ")
-            case Each():
-                most = f"at most {item.at_most}"
-                lines.append(
-                    f"{indent}for each of {item.each} until {item.until_seen} is seen, {most}:"
-                )
-                lines += outline(item.do, f"{indent}  ")
+        for item in alike:
+            for heading, part in _head_parts(item).items():
+                lines.append(f"{indent}{heading}")
+                lines += outline(part, f"{indent}  ")
 
     return lines
+
+
+def _head_parts(item: Item) -> dict[str, tuple[Item, ...]]:
+    """Return what is within a look or block, by the line before it."""
+    match item:
+        case Choose():
+            parts = {f"if {item.choose} is seen:": item.then}
+            if item.otherwise:
+                parts["otherwise:"] = item.otherwise
+            return parts
+        case Repeat():
+            most = f"at most {count_words(item.at_most, 'time')}"
+            return {f"until {item.until_seen} is seen, {most}:": item.repeat}
+        case Each():
+            until = f"until {item.until_seen} is seen, at most {item.at_most}"
+            return {f"for each of {item.each} {until}:": item.do}
+        case _:
+            return {"look": ()}
 
 
 def match_names(pattern: str, names: Iterator[str] | Sequence[str]) -> list[str]:
@@ -417,7 +395,8 @@ class Reader:
         item: LookStep | Block = check(wanted, fields, where, DesignError)
         if not isinstance(item, LookStep):
             asks = inner if wanted is Each else self
-            asks._check_names((item.wanted.body, *item.wanted.names), where)
+            condition = condition_of(item)
+            asks._check_names((condition.body, *condition.names), where)
 
         return item
 
@@ -479,13 +458,8 @@ def check_cost(items: Sequence[Item]) -> None:
             f"the action plan has {guards} guards; at most {MAX_GUARDS} are allowed"
         )
 
-    cost = Cost.of(items)
-    limits = (
-        ("waypoints", cost.waypoints, MAX_WAYPOINTS),
-        ("looks", cost.looks, MAX_LOOKS),
-        ("guards", cost.guards, MAX_FELT),
-    )
-    for what, count, most in limits:
+    limits = {"waypoints": MAX_WAYPOINTS, "looks": MAX_LOOKS, "guards": MAX_FELT}
+    for (what, most), count in zip(limits.items(), Cost.of(items), strict=False):
         if count > most:
             raise DesignError(
                 f"with all rounds of its loops the action plan may come to {count} {what}; at most {most} are "

@@ -22,6 +22,7 @@ from plugins.actions.blocks import (
     LookStep,
     Repeat,
     Sighting,
+    condition_of,
     list_items,
     match_names,
 )
@@ -333,7 +334,7 @@ def check_names(items: Sequence[Item], seen: Seen) -> None:
             for name in item.names:
                 _check_name(name, seen)
         elif not isinstance(item, LookStep):
-            _check_sighting(item.wanted, seen)
+            _check_sighting(condition_of(item), seen)
 
         if isinstance(item, Each):
             _check_pattern(item.each, seen)
