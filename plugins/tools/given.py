@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,7 +14,7 @@ from core.errors import UsageError, choices
 from core.hooks import Names, PartsOf
 from core.interfaces import GivenTools, Task, ToolRepresentation
 from core.plugins import TOOL
-from plugins.tools.library import LibraryTools
+from plugins.tools.library import Library, make_form
 
 # Sizes and positions approximate those of the paper's ablation. Handles extend to the mount's origin, so that they
 # touch the flange.
@@ -41,8 +40,7 @@ class BareGripper(GivenTools):
 
 
 class FileTools(GivenTools):
-    """Tools of a designs file, for which plans alone are designed.
-
+    """The tool of the first design in a designs file, for which plans alone are designed.
     Args:
         file: the designs file.
         of: the representation in which tools are written: a name, or a mapping of a ``name`` and settings.
@@ -53,6 +51,9 @@ class FileTools(GivenTools):
         self._form = {"name": of} if isinstance(of, str) else of
         self._tools: dict[int, Tool] = {}
 
+    def given(self, task: Task) -> Tool:
+        return self.read(0, task)
+
     def read(self, number: int, task: Task) -> Tool:
         """Read the tool of the design with this number, and keep it.
 
@@ -60,21 +61,10 @@ class FileTools(GivenTools):
             UserError: there is none, or it can't be read.
         """
         if number not in self._tools:
-            form = replace(
-                part(TOOL, OmegaConf.create(self._form)),
-                material=self.material,
-                printer=self.printer,
-            ).create(robot=self.robot)
+            form = make_form(self._form, self)
             self._tools[number] = load_tool(self._file, number, form, task)
 
         return self._tools[number]
-
-
-class KnownTools(FileTools):
-    """The tool of the first design in a designs file; for the settings see `FileTools`."""
-
-    def given(self, task: Task) -> Tool:
-        return self.read(0, task)
 
 
 def make_known_tools(
@@ -98,10 +88,18 @@ def make_known_tools(
         )
     if library:
         form = {"name": of} if isinstance(of, str) else of
-        return LibraryTools(Path(library), form)
-    if file:
-        return KnownTools(file, of)
+        tools = part(TOOL, OmegaConf.create(form)).create()
+        if isinstance(tools, GivenTools):
+            raise UsageError(
+                f"tool.of={form['name']} gives a tool; name a form in which tools are written, such as tool.of=urdf"
+            )
 
+        # An attribute of the object hides that of the class.
+        vars(tools).update(kept=Library(Path(library), form, tools).read)
+        return tools
+
+    if file:
+        return FileTools(file, of)
     raise UsageError(
         "tool=known needs tools: tool.file=FILE, a designs file, or tool.library=FOLDER, a library"
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -10,7 +11,6 @@ import numpy as np
 from core.geometry import Array, Pose, Sphere
 from core.goals import Reach
 from core.robot.solids import (
-    Obstacles,
     Solid,
     body_solids,
     closest,
@@ -99,11 +99,11 @@ def find_blocked(goal: Reach, scene: Scene) -> Iterator[str]:
 def find_meetings(scene: Scene, names: set[str]) -> Iterator[Meeting]:
     """Yield the nearest shapes of each two bodies that are near each other, of which one has such a name."""
     for name, other in pair_bodies(scene, names, NEAR_M):
-        here = Obstacles(body_solids(scene[name]))
-        there = Obstacles(body_solids(scene[other]))
+        here = enumerate(body_solids(scene[name]))
+        there = enumerate(body_solids(scene[other]))
         met = list[Meeting]()
-        for number, count in _pair_boxes(here, there):
-            gap, _, normal = contact(here.solids[number], there.solids[count])
+        for (number, solid), (count, second) in itertools.product(here, there):
+            gap, _, normal = contact(solid, second)
             if gap < NEAR_M:
                 met.append(Meeting((name, number, other, count), gap, normal))
 
@@ -112,22 +112,12 @@ def find_meetings(scene: Scene, names: set[str]) -> Iterator[Meeting]:
 
 def measure_shapes(scene: Scene, pairs: Sequence[Shapes]) -> list[float]:
     """Measure the signed distance of each pair of shapes, m; no other shape is built."""
-    solids = dict[tuple[str, int], Solid]()
-    for name, number, other, count in pairs:
-        for key in ((name, number), (other, count)):
-            if key not in solids:
-                body = scene[key[0]]
-                solids[key] = shape_solid(body, body.collisions[key[1]])
+
+    def place(name: str, number: int) -> Solid:
+        body = scene[name]
+        return shape_solid(body, body.collisions[number])
 
     return [
-        signed_distance(solids[name, number], solids[other, count])
+        signed_distance(place(name, number), place(other, count))
         for name, number, other, count in pairs
     ]
-
-
-def _pair_boxes(here: Obstacles, there: Obstacles) -> Iterator[tuple[int, int]]:
-    """Yield the numbers of each two shapes of two bodies whose bounding boxes are near each other."""
-    apart = np.abs(here.centers[:, None] - there.centers)
-    are_near = apart < here.halves[:, None] + there.halves + NEAR_M
-    for number, count in np.argwhere(are_near.all(axis=2)):
-        yield int(number), int(count)
