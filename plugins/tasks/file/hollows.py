@@ -150,10 +150,7 @@ def find_hollow(body: Body, around: Sequence[Body] = ()) -> Hollow | None:
 
 def _make_grid(first: Array, step: Array, counts: Counts) -> Array:
     """Return the points (X, Y, Z, 3) of a grid."""
-    axes = [
-        first[axis] + step[axis] * np.arange(count) for axis, count in enumerate(counts)
-    ]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    return first + step * np.moveaxis(np.indices(counts.tolist()), 0, -1)
 
 
 def space_of(mark: Body, height: float) -> Hollow:

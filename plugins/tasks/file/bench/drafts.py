@@ -168,14 +168,14 @@ class Draft:
         except UserError as error:
             self.faults = [str(error)]
 
-    def read(self, **settings: str) -> FileTask:
+    def read(self) -> FileTask:
         """Read the file as a task.
 
         Raises:
             UserError: it can't be used.
         """
         self.file.write_text(self.text, encoding="utf-8")
-        task = FileTask(str(self.file), **settings)
+        task = FileTask(str(self.file))
         task.robot = self.robot
         return task
 
