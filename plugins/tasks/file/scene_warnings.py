@@ -7,15 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from core.designs.rules import MAX_MOUNT_GAP_M
-from core.geometry import Pose, Vector
+from core.geometry import Vector
 from core.goals import Goal, Reach, numbered
-from core.scene import Body, Camera, Region, Scene, State
+from core.scene import Body, Camera, Scene, State
 from core.solids.standing import bound, find_falls, find_fast, list_held, turn_upright
 from core.values.warnings import find_warning
 
 SEEN = 0.9  # of half a picture's height: what is farther from its middle is hardly seen
-HELD_M = 0.01  # a bond holds a point of a body, not one farther from it
 # Of an eighth of a turn: 1.57 and 0.785 are so near to what they stand for.
 ROUNDED = 0.005
 FAR_M = 1.6  # beyond the reach of the longest arms, 1.3 m, with a tool of 0.3 m
@@ -44,30 +42,6 @@ def find_warnings(scene: Scene) -> Iterator[str]:
     yield from find_fast(scene)
 
 
-def find_idle_joints(scene: Scene) -> Iterator[str]:
-    """Yield a line for what says nothing of a joint, and for bonds that hold a body by a point far from it."""
-    for joint in scene.joints:
-        where = f"joint {joint.name}"
-        if joint.rest and not joint.stiffness:
-            yield f"{where} has a rest, and no stiffness: there is no spring"
-
-        for latch in joint.latches:
-            below = latch.at + latch.width < joint.lower
-            if below or latch.at - latch.width > joint.upper:
-                yield f"{where} never gets to its latch at {latch.at:g}"
-
-    for bond in scene.bonds:
-        body = scene[bond.body]
-        low, high = bound(replace(body, pose=Pose()))
-        origin = np.array(bond.origin)
-        away = float(np.linalg.norm(origin - np.clip(origin, low, high)))
-        if away > HELD_M:
-            yield (
-                f"bond {bond.name} holds {bond.body} by a point {1000 * away:.0f} mm from it; its origin is in the "
-                "frame of the body"
-            )
-
-
 def find_radians(turns: Mapping[str, Vector]) -> Iterator[str]:
     """Yield a line for each turn, degrees, that is a quarter or half of one in radians; ``turns`` by what turns."""
     for name, angles in turns.items():
@@ -79,25 +53,6 @@ def find_radians(turns: Mapping[str, Vector]) -> Iterator[str]:
                     f"{name} has rpy_deg {angle:g}, which are degrees: {count * 45} degrees are {angle:g} radians"
                 )
                 break
-
-
-def find_empty_place(scene: Scene, place: Region | None) -> Iterator[str]:
-    """Yield a line if nothing that is fixed reaches the place for a fixture, which must stand on something."""
-    if place is None:
-        return
-
-    low = np.array(place.low) - MAX_MOUNT_GAP_M
-    high = np.array(place.high) + MAX_MOUNT_GAP_M
-    for body in scene.bodies:
-        if body.fixed and body.collisions:
-            bottom, top = bound(body)
-            if (bottom < high).all() and (top > low).all():
-                return
-
-    yield (
-        f"nothing that is fixed reaches the place for a fixture, {place.low} to {place.high}: a fixture must stand on "
-        "something; enlarge its box, or lower it"
-    )
 
 
 def find_foot(scene: Scene, body: Body) -> float:

@@ -118,8 +118,6 @@ class FileTask(Task):
         self._check_variations()
         self.warnings = (
             *scene_warnings.find_warnings(self._scene),
-            *scene_warnings.find_idle_joints(self._scene),
-            *scene_warnings.find_empty_place(self._scene, self.fixture),
             *scene_warnings.find_radians(_list_turns(spec)),
             *scene_warnings.find_idle_goals(self._scene, self.goals, self.every),
         )
@@ -143,7 +141,7 @@ class FileTask(Task):
                             self._tree.data, path, wanted, self._files
                         )
                     except (LookupError, TypeError, ValueError):
-                        problem = tree.explain_missing(path)
+                        problem = tree.MISSING
 
                 if problem:
                     raise self._tree.error(("variations", name, path), problem)

@@ -28,6 +28,12 @@ _TURNS = ("roll", "pitch", "yaw")
 _AXES = {"rpy_deg": _TURNS}
 """The names of a vector's numbers, by its key; those of others are `_PLACES`."""
 
+MISSING = (
+    "there is no such number; a range needs a number that is written in the file, such as bodies.cup.position.x, or "
+    "of copies, bodies.ball_3.mass or bodies.ball_*.mass"
+)
+"""Why a path leads to no number."""
+
 _WORDS = {"true": True, "false": False, "null": None, "~": None, "": None}
 
 
@@ -228,21 +234,6 @@ def follow(data: Mapping[str, Any], path: str) -> tuple[Any, str | int]:
         raise KeyError(path)
 
     return holder, key
-
-
-def explain_missing(path: str) -> str:
-    """Say why a path leads to no number, and what to write where it has an axis of another key."""
-    holder, _, axis = path.rpartition(".")
-    body, _, key = holder.rpartition(".")
-    right = "rpy_deg" if axis in _TURNS else "position"
-    if key in ("position", "rpy_deg") and key != right and axis in (*_PLACES, *_TURNS):
-        has = ", ".join(_AXES.get(key, _PLACES))
-        return f"{key} has {has}; {axis} is of {right}: write {right} in the file, and {body}.{right}.{axis} here"
-
-    return (
-        "there is no such number; a range needs a number that is written in the file, such as bodies.cup.position.x, "
-        "or of copies, bodies.ball_3.mass or bodies.ball_*.mass"
-    )
 
 
 def find_item(items: list[Any], step: str, axes: Sequence[str]) -> int:
