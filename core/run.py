@@ -154,20 +154,27 @@ def _hydra(given: list[str]) -> None:
 
 
 def _add_sweep_words(words: list[str]) -> None:
-    """Name a sweep's folder and what it optimises, unless ``words`` do."""
+    """Name a sweep's folder and what it optimises, unless ``words`` do, and say where the output of its jobs is."""
     from core.config.folders import new_folder, stamp
 
     flags = {word for word in words if word.startswith("-")}
-    has_folder = any(_FOLDER in word for word in words)
-    if flags and flags <= _SWEEP and not has_folder:
-        folder = new_folder(f"multirun/{stamp()}")  # one for all jobs
-        words.append(f"{_FOLDER}{folder}")
+    folders = [word.removeprefix(_FOLDER) for word in words if _FOLDER in word]
+    if flags and flags <= _SWEEP and not folders:
+        folders = [str(new_folder(f"multirun/{stamp()}"))]  # one for all jobs
+        words.append(_FOLDER + folders[0])
 
     if "hydra/sweeper=optuna" in words:
         named = {word.partition("=")[0] for word in words}
         words += [
             f"{key}={value}" for key, value in _OPTUNA.items() if key not in named
         ]
+
+    if any(word.startswith("hydra/launcher=submitit") for word in words):
+        folder = folders[-1] if folders else "the sweep's folder"
+        say(
+            f"each run is a job of its own; what it prints is in {folder}/.submitit/",
+            file=sys.stderr,
+        )
 
 
 if __name__ == "__main__":

@@ -39,6 +39,7 @@ class Facing(Reach):
     axis: Vector = (1.0, 0.0, 0.0)
     tolerance_deg: float = 10.0
 
+    orients: ClassVar = True
     keys: ClassVar = {
         "facing": Key(
             str,

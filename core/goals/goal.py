@@ -36,11 +36,13 @@ class Goal(ABC):
         names: the fields that name things of a scene, and which sort of things: `FREE_BODY`, `SOLID_BODY`, ...
         asks: what it asks, for a prompt: a format of ``goal``; of one to reach what follows its bodies. A kind whose
             words depend on more has a method `words`.
+        orients: whether it asks how bodies are turned.
     """
 
     keys: ClassVar[Mapping[str, Key]] = {}
     names: ClassVar[Mapping[str, str]] = {}
     asks: ClassVar[str] = ""
+    orients: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()

@@ -48,6 +48,7 @@ class Kept(Limit):
     balls: tuple[str, ...] = ()
     rounds: tuple[str, ...] = ()
 
+    orients: ClassVar = True
     keys: ClassVar = {
         "keep": Key(KeptNames, "Bodies to leave in place, or throughout", head=True),
         "kept_m": Key(AboveZero, "How far they may move, m"),
@@ -68,6 +69,11 @@ class Kept(Limit):
     def needs_trace(self) -> bool:
         """Whether it looks at what happened before the end."""
         return self.throughout
+
+    @property
+    def lost_m(self) -> float:
+        """How far a body may move until nothing is earned, m."""
+        return STRAYED * self.kept_m
 
     def _strayed(self, name: str, evidence: Evidence) -> tuple[Array, Array]:
         """Measure how far a body got from its start, m, and was turned, degrees, (...) each."""
@@ -138,7 +144,7 @@ class Kept(Limit):
         when = " throughout" if self.throughout else ""
         return (
             f"leave {', '.join(self.keep)} in place{when}: less is earned beyond {self.kept_m:g} m, nothing from "
-            f"{STRAYED * self.kept_m:g} m on"
+            f"{self.lost_m:g} m on"
         )
 
     @classmethod

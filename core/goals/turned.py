@@ -52,6 +52,7 @@ class Turned(Reach):
     tolerance_deg: float = 10.0
     angle_deg: Span | None = None
 
+    orients: ClassVar = True
     keys: ClassVar = {
         "axis": replace(AXIS, head=True, weak=True),
         "angle_deg": Key(

@@ -31,6 +31,7 @@ class TurnedBy(Reach):
 
     turned_deg: Span
 
+    orients: ClassVar = True
     keys: ClassVar = {
         "turned_deg": Key(
             Bound,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from itertools import combinations
 from pathlib import Path
@@ -20,6 +21,7 @@ SCENE = "scene"
 _ARM_JOINTS = 3  # one after the other: a cabinet's door bears a handle, and no more
 _OPPOSITE = -0.9  # cosine between the ways in which two fingers open
 _MOST_INCLUDED = 20
+_HINGES = (None, "hinge")
 
 
 def tell_kind(file: Path) -> str:
@@ -127,3 +129,16 @@ def _include(root: Element, file: Path) -> list[Element]:
                 found.append(read_xml(read_untrusted(other, MAX_BYTES), other))
 
     return found
+
+
+def find_radians(root: Element) -> bool:
+    """Tell whether an MJCF file's ranges are hardly meant in degrees, as they count unless its compiler says radian."""
+    if any(compiler.get("angle") for compiler in root.iter("compiler")):
+        return False
+
+    ends = []
+    for joint in root.iter("joint"):
+        if joint.get("type") in _HINGES:
+            ends += [abs(float(end)) for end in joint.get("range", "").split()]
+
+    return 0 < max(ends, default=0) <= 2 * math.pi

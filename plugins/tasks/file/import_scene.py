@@ -18,6 +18,7 @@ from core.errors import UsageError, UserError
 from core.geometry import Array, Pose
 from core.hooks import Taken
 from core.imports.documents import MAX_BYTES, read_root
+from core.imports.kinds import find_radians
 from core.imports.meshes import KINDS
 from core.imports.urdf import read_urdf
 from core.robot.solids import box_corners
@@ -178,6 +179,10 @@ def _place_bodies(file: Path, folder: Path, cfg: DictConfig) -> _Placed:
         )
 
     options: dict[str, Any] = {"without": without} if without else {}
+    if root.tag == "mujoco" and find_radians(root):
+        lines.append(
+            'its ranges look like radians, and count as degrees: add <compiler angle="radian"/> if they are'
+        )
 
     def read(**more: Any) -> Imported:
         return read_bodies(file, folder=folder, **{"without": (), **options, **more})

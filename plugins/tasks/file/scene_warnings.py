@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from core.geometry import Vector
+from core.geometry import Pose, Vector
 from core.goals import Goal, Reach, numbered
 from core.scene import Body, Camera, Scene, State
 from core.solids.standing import bound, find_falls, find_fast, list_held, turn_upright
 from core.values.warnings import find_warning
 
 SEEN = 0.9  # of half a picture's height: what is farther from its middle is hardly seen
+HELD_M = 0.01  # a bond holds a point of a body, not one farther from it
 # Of an eighth of a turn: 1.57 and 0.785 are so near to what they stand for.
 ROUNDED = 0.005
+_UPRIGHT = re.compile(
+    r"\b(upright|tip(s|ping|ped)? over|tilt(s|ing|ed)?)\b", re.IGNORECASE
+)
 FAR_M = 1.6  # beyond the reach of the longest arms, 1.3 m, with a tool of 0.3 m
 
 
@@ -40,6 +45,31 @@ def find_warnings(scene: Scene) -> Iterator[str]:
 
     yield from (fault.text for fault in find_falls(scene))
     yield from find_fast(scene)
+
+
+def find_far_bonds(scene: Scene) -> Iterator[str]:
+    """Yield a line for each bond that holds a body by a point far from it: its origin may be meant in the world."""
+    for bond in scene.bonds:
+        body = scene[bond.body]
+        low, high = bound(replace(body, pose=Pose()))
+        origin = np.array(bond.origin)
+        away = float(np.linalg.norm(origin - np.clip(origin, low, high)))
+        if away > HELD_M:
+            yield (
+                f"bond {bond.name} holds {bond.body} by a point {1000 * away:.0f} mm from it; its origin is in the "
+                "frame of the body"
+            )
+
+
+def find_unrewarded(description: str, goals: Sequence[Goal]) -> Iterator[str]:
+    """Yield a line where a description says how a body is to stand, and no goal asks how one is turned."""
+    said = _UPRIGHT.search(description)
+    parts = [part for goal in goals for part in goal.parts]
+    if said and not any(part.orients for part in parts):
+        yield (
+            f"the description says {said[0]!r}, and no goal asks how a body is turned, so it earns nothing; add a goal "
+            "such as {bodies: [NAME], axis: [0, 0, 1], tolerance_deg: 10, throughout: true}"
+        )
 
 
 def find_radians(turns: Mapping[str, Vector]) -> Iterator[str]:

@@ -118,8 +118,10 @@ class FileTask(Task):
         self._check_variations()
         self.warnings = (
             *scene_warnings.find_warnings(self._scene),
+            *scene_warnings.find_far_bonds(self._scene),
             *scene_warnings.find_radians(_list_turns(spec)),
             *scene_warnings.find_idle_goals(self._scene, self.goals, self.every),
+            *scene_warnings.find_unrewarded(self.description, self.goals),
         )
         for warning in self.warnings:
             warn_once(f"{self._tree.file}: {warning}")

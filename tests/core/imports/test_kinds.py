@@ -1,5 +1,7 @@
 """What a file of others is, by what is in it."""
 
+from xml.etree.ElementTree import fromstring
+
 import pytest
 
 from core.errors import UserError
@@ -7,6 +9,7 @@ from core.imports.kinds import (
     ARM,
     GRIPPER,
     SCENE,
+    find_radians,
     tell_kind,
 )
 from tests.support.hands import hand
@@ -80,3 +83,20 @@ def test_what_is_not_read_names_the_command(tmp_path, name, text, said):
     (tmp_path / name).write_text(text)
     with pytest.raises(UserError, match=said):
         tell_kind(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("ranges", "compiler", "radians"),
+    [
+        ("-1.57 3.14", "", True),
+        ("-90 90", "", False),
+        ("0 6.2", "", True),
+        ("0 6.4", "", False),
+        ("-1.57 3.14", '<compiler angle="degree"/>', False),
+        ("", "", False),
+    ],
+)
+def test_ranges_that_look_like_radians(ranges, compiler, radians):
+    joint = f'<joint range="{ranges}"/>' if ranges else "<joint/>"
+    text = f"<mujoco>{compiler}<worldbody><body>{joint}</body></worldbody></mujoco>"
+    assert find_radians(fromstring(text)) == radians

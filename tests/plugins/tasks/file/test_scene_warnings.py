@@ -3,10 +3,12 @@
 import pytest
 
 from core.errors import UserError
+from core.goals import Away, Kept, Throughout, Turned
 from core.search.builder import check_starts
 from plugins.new.new_command import write_scene
 from plugins.tasks.file.scene_warnings import (
     find_idle_goals,
+    find_unrewarded,
     find_warnings,
 )
 from tests.support.panda import on_panda
@@ -48,6 +50,23 @@ def test_units_that_were_mixed_up_and_bodies_in_the_air(tmp_path, text, old, new
         line.startswith(said)
         for line in warnings_of(tmp_path, text, BODY.replace(old, new, 1))
     )
+
+
+@pytest.mark.parametrize(
+    ("description", "goals", "said"),
+    [
+        ("It must stay upright.", (Away(("tin",), away=0.1),), "says 'upright'"),
+        ("Without tipping over.", (Away(("tin",), away=0.1),), "says 'tipping over'"),
+        ("It must stay upright.", (Turned(("tin",)),), ""),
+        ("Keep it upright.", (Throughout(Turned(("tin",))),), ""),
+        ("Keep the glass upright.", (Kept(("glass",)),), ""),
+        ("Touch it with the tip.", (Away(("tin",), away=0.1),), ""),
+    ],
+)
+def test_what_is_described_and_earns_nothing(description, goals, said):
+    lines = [*find_unrewarded(description, goals)]
+    assert len(lines) == bool(said)
+    assert all(said in line for line in lines)
 
 
 @pytest.mark.parametrize(
@@ -109,6 +128,7 @@ goals:
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
+        ("[0.05, 0, 0], b", "[0.7, 0, 0], b", "bond seal holds drawer by a point 650 mm from it"),
         ("[0.55, 0,", "[0.45, 0,", "joint runner brings drawer no nearer than 40 mm"),
         ("place: [0.55, 0, null]", "raised: 0.1", "joint runner brings drawer no nearer than 100 mm"),
     ],
