@@ -21,7 +21,7 @@ from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
 from core.interfaces import VLM, Task, ToolRepresentation
 from core.plugins import installed
-from core.search.saved_designs import build_fitness, read_stored, try_all
+from core.search.saved_designs import build_fitness, try_all
 from core.store.database import FILE
 from core.store.library import DESIGN, FACTS, KEPT_SETTINGS, read_facts
 from core.store.reader import StoredRun
@@ -29,6 +29,7 @@ from core.support.cli import key_of, print_table, say
 from core.support.text import hydra_word, number
 from core.values.messages import Bill
 from plugins.results.named_folders import folders_and_overrides
+from plugins.results.pages.best_tool import read_best
 from plugins.results.pages.runs import run_folders, short
 
 USAGE = "usage: vlmgineer inspect FOLDER [KEY=VALUE ...]"
@@ -164,12 +165,8 @@ def _read_run(folder: Path) -> Inspected:
         )
 
     def read(representation: ToolRepresentation, task: Task) -> Candidate:
-        for stored in evaluations:
-            if best is not None and stored.candidate == best.candidate:
-                design = store.designs()[stored.design_key]
-                (candidate,) = read_stored(design, [stored], representation, task)
-                return candidate
-        raise UserError("its best candidate is not stored")
+        assert best is not None, "there is a claim"
+        return read_best(store, best.candidate, representation, task)
 
     false = store.find_false_claim()
     return Inspected(folder, says, config, claims, read, false)

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from omegaconf import OmegaConf
 
 from core.config.compose import task_part, tool_part
 from core.config.gate import take_stored
-from core.design import Tool
+from core.design import Candidate, Tool
 from core.errors import UserError
 from core.interfaces import Material, Robot, Task, ToolRepresentation
 from core.search.saved_designs import read_stored
+from core.store.reader import StoredRun
 from plugins.results.pages.drawing import as_held
 from plugins.results.pages.runs import FinishedRun
-
-_FARTHEST = 100.0  # metres
-_THINNEST = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,10 +41,21 @@ class Winner:
     use: str
 
 
-@lru_cache(maxsize=256)
-def _parts(settings: str) -> tuple[ToolRepresentation, Task]:
-    config = OmegaConf.create(json.loads(settings))
-    return tool_part(config).create(), task_part(config).create()
+def read_best(
+    store: StoredRun, name: str, representation: ToolRepresentation, task: Task
+) -> Candidate:
+    """Read the best candidate of a run, which has this name, again.
+
+    Raises:
+        UserError: it is not among those that were tried, or the store is damaged.
+    """
+    for evaluation in store.evaluations():
+        if evaluation.candidate == name and evaluation.status == "ok":
+            design = store.designs()[evaluation.design_key]
+            (candidate,) = read_stored(design, [evaluation], representation, task)
+            return candidate
+
+    raise UserError(f"its best candidate {name} is not among those that were tried")
 
 
 def best_tool(run: FinishedRun) -> Winner:
@@ -57,32 +64,16 @@ def best_tool(run: FinishedRun) -> Winner:
     Raises:
         UserError: a part of the run is not installed here, or its store is missing or damaged.
     """
-    name = run.best.candidate
-
-    for evaluation in run.store.evaluations():
-        if evaluation.candidate == name and evaluation.status == "ok":
-            break
-    else:
-        raise UserError(f"its best candidate {name} is not among those that were tried")
-
     kinds = ("task", "tool", "material", "robot")
     config, _ = take_stored(run.config, run.folder, kinds=kinds)
-    settings = {kind: config.get(kind, {}) for kind in kinds}
-    representation, task = _parts(json.dumps(settings, sort_keys=True))
-    design = run.store.designs()[evaluation.design_key]
-    # It may break a rule, but must have a size: there were others when it was tried.
-    (read,) = read_stored(design, [evaluation], representation, task)
+    settings = OmegaConf.create({kind: config.get(kind, {}) for kind in kinds})
+    representation = tool_part(settings).create()
+    task = task_part(settings).create()
+    # It may break a rule: there were others when it was tried.
+    name = run.best.candidate
+    read = read_best(run.store, name, representation, task)
     if read.tool is None:
         raise UserError(f"the design of {name} can't be read again: {read.problem}")
-    for component, solid in as_held(read.tool, representation.robot):
-        # Not greater: what is not a number has no size either.
-        farthest = np.abs(solid.vertices).max()
-        drawable = farthest < _FARTHEST and min(component.shape.bounds[1]) > _THINNEST
-        if not drawable:
-            raise UserError(
-                f"component {component.name!r} of {name} has no size that can be drawn"
-            )
-
     return Winner(
         run=run,
         robot=representation.robot,

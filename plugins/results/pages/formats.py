@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from core.support.cli import print_table
 from core.support.text import clean, number
 
 _FORMULA = re.compile(r"((?:^|;)\s*)(?=[=+@-]|[＝＋＠－])")
@@ -64,13 +65,6 @@ class Table:
 
         return cls(name, tuple(columns), tuple(rows))
 
-    def __post_init__(self) -> None:
-        for row in self.rows:
-            if len(row) != len(self.columns):
-                raise ValueError(
-                    f"table {self.name}: a row of {len(row)} cells under {len(self.columns)} columns"
-                )
-
     @property
     def filled(self) -> Table:
         """The same without the columns that no row has anything in."""
@@ -97,6 +91,14 @@ def printed(cell: Cell, column: Column) -> str:
             return str(cell)
         case _:
             return number(cell, column.digits)
+
+
+def show_table(table: Table) -> None:
+    """Print a table."""
+    names = [column.name for column in table.columns]
+    numbers = [column.name for column in table.columns if column.digits is not None]
+    rows = [list(map(printed, row, table.columns)) for row in table.rows]
+    print_table(names, rows, numbers)
 
 
 def links(cell: Cell) -> tuple[CellLink, ...]:

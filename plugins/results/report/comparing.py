@@ -10,10 +10,8 @@ from statistics import fmean
 import numpy as np
 import scipy.stats
 
-from core.store.rows import ShownSource
 from plugins.results.pages.formats import Cell, Table
-from plugins.results.pages.runs import FinishedRun
-from plugins.results.report.methods import Group, differing
+from plugins.results.report.methods import Group
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import interquartile_mean, interval
 from plugins.results.study.study_files import Published
@@ -42,12 +40,6 @@ def comparing_tables(results: Results) -> list[Table]:
             "task|engine|other engine|designs:0|rank correlation:2|mean difference:3"
             "|good and kept (%):0",
             _agreement(results),
-        ),
-        Table.of(
-            "recalled",
-            "task|method|lessons per run:1|examples per run:1|runs:0|average of the best:3|without|runs without:0"
-            "|average without:3|difference:3",
-            _recalled(results),
         ),
     ]
 
@@ -112,49 +104,6 @@ def _shared(results: Results, entry: Published) -> list[Group]:
 def _mean(groups: Sequence[Group], methods: Sequence[str]) -> float:
     """Return the mean over tasks of each task's average over runs."""
     return fmean([fmean(group.rewards) for group in groups if group.method in methods])
-
-
-def _recalled(results: Results) -> Rows:
-    """Compare runs that were shown lessons or examples with runs of the same task that differ in nothing else."""
-    for mine in results.groups:
-        counts = [_count_recalled(run) for run in mine.runs]
-        if not any(map(sum, counts)):
-            continue
-
-        average = fmean(mine.rewards)
-        row = (
-            mine.task,
-            mine.method,
-            fmean([lessons for lessons, _ in counts]),
-            fmean([examples for _, examples in counts]),
-            len(mine.runs),
-            average,
-        )
-        others = [other for other in results.groups if _is_without(other, mine)]
-        for other in others:
-            without = fmean(other.rewards)
-            yield *row, other.method, len(other.runs), without, average - without
-        if not others:
-            yield *row, None, 0, None, None
-
-
-def _count_recalled(run: FinishedRun) -> tuple[int, int]:
-    """Count the different lessons and examples that a run's requests showed."""
-    shown = set[ShownSource]()
-    for request in run.store.requests():
-        shown.update(request.recalled)
-    lessons = sum(found.kind == "lesson" for found in shown)
-
-    return lessons, len(shown) - lessons
-
-
-def _is_without(other: Group, mine: Group) -> bool:
-    """Report whether runs of the same task were shown nothing, and differ in that alone."""
-    if other.task != mine.task or any(sum(_count_recalled(run)) for run in other.runs):
-        return False
-
-    apart = differing([*mine.runs, *other.runs])
-    return {*apart} <= {"prompt.lessons", "prompt.examples"}
 
 
 def _agreement(results: Results) -> Rows:

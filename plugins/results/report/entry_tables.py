@@ -43,12 +43,10 @@ def _row(listed: ListedEntry, engines: Sequence[str]) -> tuple[Cell, ...]:
     entry = listed.entry
     tasks = list(entry.tasks.values())
     low, high = interval(list(entry.scores.values()), "mean") or (None, None)
-    rewards: list[float | None] = []
-    for engine in engines:
-        if engine in entry.rules.engines:
-            rewards.append(fmean([task.reward(engine) for task in tasks]))
-        else:
-            rewards.append(None)
+    tried = {
+        engine: fmean([task.reward(engine) for task in tasks])
+        for engine in entry.rules.engines
+    }
 
     rules = f"{entry.protocol} {entry.version}"
     if len(entry.rules.engines) == 1:
@@ -61,7 +59,7 @@ def _row(listed: ListedEntry, engines: Sequence[str]) -> tuple[Cell, ...]:
         entry.score,
         low,
         high,
-        *rewards,
+        *map(tried.get, engines),
         ", ".join(str(run.seed) for run in tasks[0].runs),
         fmean([run.rollouts for run in entry.runs]),
         fmean([run.requests for run in entry.runs]),

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import chain
 from statistics import fmean
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,8 +27,13 @@ POINTS = 25
 
 GAP = 0.8  # between the rows of two tasks; those of one task are 1 apart
 ROW = 0.22  # inches of a row
-ENTRY = 0.7  # inches of a legend's entry ...
-LETTER = 0.075  # ... and of each letter
+
+
+OF_TABLES = {
+    "methods": ("Methods over their tasks", "mean", "mean, low", "mean, high"),
+    "gains": ("Gains over the first method", "gain", "low", "high"),
+}
+"""Figures of a table: their title, and the columns with the mean, low and high."""
 
 
 def figure_pages(results: Results, listed: Sequence[Table]) -> list[FigurePage]:
@@ -36,15 +41,15 @@ def figure_pages(results: Results, listed: Sequence[Table]) -> list[FigurePage]:
     if not results.groups:
         return []
 
+    pages = [rewards(results)]
     tables = {table.name: table for table in listed}
-    tasks, methods = comparable(results)
-    pages = [
-        rewards(results),
-        on_some_tasks(results),
-        means(results, tables["methods"]) if "methods" in tables else None,
-        gains(results, tables["gains"]) if "gains" in tables else None,
-        anytime(results, tasks, methods),
-        by_generation(results, tasks, methods),
+    for name, (title, *columns) in OF_TABLES.items():
+        if name in tables:
+            pages.append(from_table(results, tables[name], title, columns))
+
+    pages += [
+        _draw_courses(results, "anytime", "rollouts", _read_course, 3),
+        _draw_courses(results, "by_generation", "generation", _read_generations, 2),
     ]
     return [page for page in pages if page is not None]
 
@@ -74,16 +79,10 @@ def _look(results: Results, method: str) -> dict[str, Any]:
 
 
 def _name_looks(figure: Figure, ax: Any) -> None:
-    """Say below a figure what its colours and marks are, in as few rows as its width allows."""
+    """Say below a figure what its colours and marks are."""
     handles, names = ax.get_legend_handles_labels()
     looks = dict(zip(names, handles, strict=True))
-
-    width = sum(ENTRY + LETTER * len(name) for name in looks)
-    rows = math.ceil(width / figure.get_figwidth())
-    columns = math.ceil(len(looks) / rows)
-    figure.legend(
-        [*looks.values()], [*looks], loc="outside lower center", ncols=columns
-    )
+    figure.legend([*looks.values()], [*looks], loc="outside lower center", ncols=2)
 
 
 @dataclass(frozen=True)
@@ -138,50 +137,39 @@ def rewards(results: Results) -> FigurePage | None:
     return FigurePage("rewards", "Reward by task and method", paint)
 
 
-def means(results: Results, listed: Table) -> FigurePage | None:
-    """Draw the mean of each method over its tasks, with its interval; None: there is one method.
+def from_table(
+    results: Results, listed: Table, title: str, columns: Sequence[str]
+) -> FigurePage | None:
+    """Draw a mean of each method, with its interval; None: there is nothing to compare.
 
     Args:
         results: of the report.
-        listed: the table of methods.
+        listed: the table of methods, or that of their gains over the first one.
+        title: above the figure.
+        columns: of the table: the mean, low and high.
     """
-    rows = _rows_of(results, listed, ("mean", "mean, low", "mean, high"))
-    if len(rows) < 2:
+    rows = _rows_of(results, listed, columns)
+    over_first = listed.name == "gains"
+    if len(rows) < (1 if over_first else 2):
         return None
 
     def paint() -> Figure:
         figure, ax = _draw_estimates(rows)
-        _limit_rewards(ax, rows)
-        _name_rows(ax, rows)
+        ax.set_yticks([row.place for row in rows], [row.look["label"] for row in rows])
+        if over_first:
+            ax.axvline(0, color=INK, lw=1)
+            against = wrapped(results.methods[0], 48)
+            ax.set(xlabel=f"gain of reward over {against}")
+        else:
+            _limit_rewards(ax, rows)
+
         return figure
 
-    return FigurePage("methods", "Methods over their tasks", paint)
-
-
-def gains(results: Results, listed: Table) -> FigurePage | None:
-    """Draw by how much methods earn more than the first one, with intervals; None: there is nothing to compare.
-
-    Args:
-        results: of the report.
-        listed: the table of gains.
-    """
-    rows = _rows_of(results, listed, ("gain", "low", "high"))
-    if not rows:
-        return None
-
-    def paint() -> Figure:
-        figure, ax = _draw_estimates(rows)
-        ax.axvline(0, color=INK, lw=1)
-        against = wrapped(results.methods[0], 48)
-        ax.set(xlabel=f"gain of reward over {against}")
-        _name_rows(ax, rows)
-        return figure
-
-    return FigurePage("gains", "Gains over the first method", paint)
+    return FigurePage(listed.name, title, paint)
 
 
 def _rows_of(
-    results: Results, listed: Table, columns: tuple[str, str, str]
+    results: Results, listed: Table, columns: Sequence[str]
 ) -> list[_Estimate]:
     """Make a row of each of a table's; ``columns`` have the mean, low and high."""
     names = [column.name for column in listed.columns]
@@ -223,10 +211,6 @@ def _draw_estimates(rows: Sequence[_Estimate]) -> tuple[Figure, Any]:
     return figure, ax
 
 
-def _name_rows(ax: Any, rows: Sequence[_Estimate]) -> None:
-    ax.set_yticks([row.place for row in rows], [row.look["label"] for row in rows])
-
-
 def _limit_rewards(ax: Any, rows: Sequence[_Estimate]) -> None:
     """Let an axis of rewards begin at 0, or where all are high nearer to the least of them."""
     least = min(min(row.values) for row in rows)
@@ -237,23 +221,6 @@ def _limit_rewards(ax: Any, rows: Sequence[_Estimate]) -> None:
 
     end = 1 + 0.02 * (1 - start)
     ax.set(xlim=(start, end), xlabel=f"reward (from {start:.3g} to 1)")
-
-
-def on_some_tasks(results: Results) -> FigurePage | None:
-    """Draw the same for the tasks of the method that was run on the fewest; None: all were run on all."""
-    fewest = min(
-        reversed(results.methods), key=lambda name: len(results.groups_of(name))
-    )
-    tasks = [g.task for g in results.groups_of(fewest)]
-    if len(tasks) == len(results.tasks):
-        return None
-
-    there = tuple(run for run in results.runs if run.task in tasks)
-    page = rewards(replace(results, runs=there))
-    if page is None:
-        return None
-
-    return replace(page, name="on_some_tasks", title=f"The tasks of {fewest}")
 
 
 def _places(results: Results) -> dict[Group, float]:
@@ -274,6 +241,11 @@ def _read_course(run: FinishedRun) -> Array:
     return found
 
 
+def _read_generations(run: FinishedRun) -> Array:
+    """Return the best reward up to and with each generation of a run."""
+    return np.array(run.best_so_far(len(run.figures.generations)))
+
+
 @dataclass(frozen=True)
 class _Curve:
     """A method's course: places ``x`` (POINTS,), and for each task its runs' rewards there (runs, POINTS)."""
@@ -282,25 +254,35 @@ class _Curve:
     scores: Sequence[Array]
 
 
-def anytime(
-    results: Results, tasks: list[str], methods: list[str]
+def _draw_courses(
+    results: Results,
+    name: str,
+    against: str,
+    read: Callable[[FinishedRun], Array],
+    least: int,
 ) -> FigurePage | None:
-    """Draw the mean best reward so far against rollouts, with its interval.
+    """Draw the mean best reward so far, with its interval, of the methods and tasks that are comparable.
 
     Args:
         results: of the report.
-        tasks: over which the mean is taken.
-        methods: each of which has a curve, and was run on all of these tasks.
+        name: of the figure's file.
+        against: what the places of a course count.
+        read: returns a run's best reward so far at each place.
+        least: places that a method's course has at least.
 
     Returns:
-        The figure; None where no run had two rollouts.
+        The figure; None where no course is so long.
     """
+    tasks, methods = comparable(results)
     curves = {}
     for method in methods:
         groups = [g for g in results.groups_of(method) if g.task in tasks]
-        courses = [list(map(_read_course, g.runs)) for g in groups]
-        end = max(map(len, chain(*courses))) - 1
-        x = np.unique(np.linspace(0, end, POINTS, dtype=int))
+        courses = [list(map(read, g.runs)) for g in groups]
+        length = max(map(len, chain(*courses)))
+        if length < least:
+            continue
+
+        x = np.unique(np.linspace(0, length - 1, POINTS, dtype=int))
         scores = []
         for task in courses:
             # A run that ended early keeps its last.
@@ -309,31 +291,10 @@ def anytime(
 
         curves[method] = _Curve(x, scores)
 
-    if max((curve.x[-1] for curve in curves.values()), default=0) < 2:
-        return None
-
-    return _draw_curves(results, curves, "rollouts", "anytime", step="post")
-
-
-def by_generation(
-    results: Results, tasks: list[str], methods: list[str]
-) -> FigurePage | None:
-    """Draw the mean best reward up to each generation, of methods that have several; see `anytime`."""
-    curves = {}
-    for method in methods:
-        groups = [g for g in results.groups_of(method) if g.task in tasks]
-        length = max(len(run.figures.generations) for g in groups for run in g.runs)
-        scores = []
-        for g in groups:
-            scores.append(np.array([run.best_so_far(length) for run in g.runs]))
-
-        if length > 1:
-            curves[method] = _Curve(np.arange(length, dtype=np.float64), scores)
-
     if not curves:
         return None
 
-    return _draw_curves(results, curves, "generation", "by_generation")
+    return _draw_curves(results, curves, against, name)
 
 
 def _draw_curves(
@@ -341,7 +302,6 @@ def _draw_curves(
     curves: dict[str, _Curve],
     against: str,
     name: str,
-    step: Literal["post"] | None = None,
 ) -> FigurePage:
     """Draw means over tasks, with their intervals where these are known.
 
@@ -350,9 +310,7 @@ def _draw_curves(
         curves: by method.
         against: what ``x`` counts.
         name: of the figure's file.
-        step: the rewards stay until the next place; None: straight lines with a mark at each place.
     """
-    style = {"drawstyle": "steps-post"} if step else {"marker": "o"}
 
     def paint() -> Figure:
         figure = new_figure(6.4, 4.0)
@@ -367,10 +325,11 @@ def _draw_curves(
 
             if rows:
                 band = {"color": look["color"], "alpha": 0.18, "lw": 0}
-                ax.fill_between(*zip(*rows, strict=True), step=step, **band)
+                ax.fill_between(*zip(*rows, strict=True), step="post", **band)
 
             means = [task.mean(axis=0) for task in curve.scores]
-            ax.plot(curve.x, np.mean(means, axis=0), lw=1.8, **style, **look)
+            mean = np.mean(means, axis=0)
+            ax.plot(curve.x, mean, lw=1.8, drawstyle="steps-post", **look)
 
         ax.set(ylabel="mean best reward so far (0 to 1)", xlabel=against)
         ax.locator_params(axis="x", integer=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from operator import itemgetter
@@ -10,11 +9,12 @@ from pathlib import Path
 
 from core.config.compose import load
 from core.errors import UsageError, UserError
-from core.support.cli import print_table, say, write_bytes
+from core.support.cli import say, write_bytes
 from plugins.results.named_folders import folders_and_overrides
-from plugins.results.pages.formats import Table, printed
+from plugins.results.pages.figure import slug
+from plugins.results.pages.formats import show_table
 from plugins.results.pages.runs import find_runs
-from plugins.results.report.entries import Entry, ListedEntry, read_entry
+from plugins.results.report.entries import ListedEntry, read_entry
 from plugins.results.report.entry_tables import entry_tables
 from plugins.results.report.own_entries import find_entries
 from plugins.results.report.report_files import DATA, contents
@@ -77,7 +77,8 @@ def report(
     finished, left_out = find_runs(folders)
     entries, problems = find_entries(finished, left_out, name)
     for entry in entries:
-        write_bytes(output / DATA / _file_name(entry), entry.dump())
+        file = slug(f"{entry.protocol}_{entry.track}_{entry.name}", 100)
+        write_bytes(output / DATA / f"{file}.json", entry.dump())
 
     say(*problems)
 
@@ -92,12 +93,6 @@ def report(
     return results
 
 
-def _file_name(entry: Entry) -> str:
-    name = f"{entry.protocol}_{entry.track}_{entry.name}"
-    plain = re.sub(r"[^\w.=-]+", "_", name)
-    return f"{plain[:100]}.json"
-
-
 def show(results: Results) -> None:
     """Print best, average and standard deviation by task and method, and a line for each run that is not counted."""
     full = rewards(results)
@@ -107,17 +102,10 @@ def show(results: Results) -> None:
     entries = entry_tables(results.entries)[:1]
     for table in (short, *entries, verification(results.verified)):
         if table.rows:
-            _print(table)
+            show_table(table)
 
     for run in results.left_out:
         say(f"not counted, {run}")
-
-
-def _print(table: Table) -> None:
-    names = [column.name for column in table.columns]
-    numbers = [column.name for column in table.columns if column.digits is not None]
-    rows = [list(map(printed, row, table.columns)) for row in table.rows]
-    print_table(names, rows, numbers)
 
 
 def main(words: list[str]) -> None:

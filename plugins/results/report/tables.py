@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from functools import wraps
@@ -34,9 +33,6 @@ REASONS = 12
 
 SHOWN = 5
 """Designs of a generation, where the budget does not say how many may become elites."""
-
-OF_ANSWERS = ("thinking", "temperature", "max_output_tokens", "options")
-"""Settings of ``vlm`` that change what a model answers."""
 
 Rows = Iterator[tuple[Cell, ...]]
 
@@ -303,7 +299,7 @@ _RUNS = (
     "task|method|seed:0|best reward:3|unseen layouts, mean:3|chance of failure below:3|perturbed:3"
     "|second engine|reward there:3|least margin:2|torque share:2"
 )
-_WHERE = "generation:0|candidate|rollouts:0|wall time (s):0|the model is told|folder|recordings"
+_WHERE = "generation:0|candidate|rollouts:0|wall time (s):0|folder|recordings"
 
 
 def _run_rows(results: Results, measured: Iterable[str]) -> Rows:
@@ -328,23 +324,9 @@ def _run_rows(results: Results, measured: Iterable[str]) -> Rows:
                 best.candidate,
                 run.rollouts,
                 run.figures.wall_time_s,
-                _told_model(run),
                 _link(run),
                 tuple(CellLink(what, file) for what, file in recordings),
             )
-
-
-def _told_model(run: FinishedRun) -> str:
-    """Return what a user set for each call of the model, as it is typed; empty: nothing."""
-    settings = run.config.get("vlm") or {}
-    words = []
-    for name in OF_ANSWERS:
-        value = settings.get(name)
-        if value not in (None, {}):
-            text = value if isinstance(value, str) else json.dumps(value)
-            words.append(f"vlm.{name}={text}")
-
-    return " ".join(words)
 
 
 @_table("task|method|seed:0|engine|layout:0|reward:3|why|drawn for it|film")

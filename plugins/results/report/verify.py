@@ -64,16 +64,12 @@ def verify(entry: Entry) -> Iterator[VerifiedRun]:
                 why = "the file has no design of it"
             else:
                 try:
-                    score = earned(entry, task, run)
+                    again = try_again(entry, task, run)
+                    score = again.score(entry.rules, task)
                 except (UserError, DesignError) as error:
                     why = short(str(error))
 
             yield VerifiedRun(entry, task, run.seed, claimed, score, why)
-
-
-def earned(entry: Entry, task: str, run: RunResult) -> float:
-    """Return the score of a run's design, tried as the protocol says; for the errors see `try_again`."""
-    return try_again(entry, task, run).score(entry.rules, task)
 
 
 def try_again(entry: Entry, task: str, run: RunResult) -> RunResult:

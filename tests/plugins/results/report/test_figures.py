@@ -13,7 +13,6 @@ from tests.core.run_folders import write_run
 
 FIGURES = {
     "rewards",
-    "on_some_tasks",
     "methods",
     "gains",
     "anytime",

@@ -75,38 +75,11 @@ def test_figures_by_model(tmp_path):
     assert float(rows[0]["mean reward"]) == pytest.approx((0.2 + 0.4) / 2)
 
 
-def test_a_run_shows_what_its_model_was_told(tmp_path):
-    model = ("vlm=litellm", "vlm.model=openai/m", "vlm.temperature=0.5")
-    write_run(tmp_path / "runs" / "told", *model, "vlm.options={top_p: 0.9}")
-    report([tmp_path / "runs"], tmp_path / "out")
-    (row,) = read_csv(tmp_path / "out" / "data" / "runs.csv")
-    assert row["the model is told"] == 'vlm.temperature=0.5 vlm.options={"top_p": 0.9}'
-    page = (tmp_path / "out" / "index.html").read_text()
-    assert "vlm.options={&#34;top_p&#34;: 0.9}" in page
-
-
 def test_all_tables_are_written(made):
     data = made[0] / "out" / "data"
     names = "costs gains generations left_out methods rewards runs tools"
     # With one model and no critic, none of models.
     assert sorted(f.stem for f in data.glob("*.csv")) == names.split()
-
-
-def test_runs_that_were_shown_lessons_stand_beside_those_that_were_not(tmp_path):
-    words = ["task=BringCube", "prompt.lessons=[runs/a]"]
-    with_lessons = write_run(tmp_path / "with", *words, rewards=[[0.8]])
-    write_run(tmp_path / "without", words[0], rewards=[[0.5]])
-    write_run(tmp_path / "other", words[0], "evolution=sampling", rewards=[[0.9]])
-    report([tmp_path], tmp_path / "out")
-    assert not (tmp_path / "out" / "data" / "recalled.csv").exists()
-    lessons = '["lesson", "runs/a#0"], ["lesson", "runs/a#2"]'
-    shown = f'[{lessons}, ["example", "runs/b#g0-a0-s0-p0"]]'
-    edit(with_lessons, f"UPDATE requests SET recalled = '{shown}'")
-    report([tmp_path], tmp_path / "out")
-    (row,) = read_csv(tmp_path / "out" / "data" / "recalled.csv")
-    assert (row["lessons per run"], row["examples per run"]) == ("2.0", "1.0")
-    assert (row["average of the best"], row["average without"]) == ("0.8", "0.5")
-    assert float(row["difference"]) == pytest.approx(0.3)
 
 
 def test_the_page_lists_what_the_film_says_of_looks_and_guards(tmp_path):
