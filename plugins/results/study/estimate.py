@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass
 from typing import Any
 
@@ -18,7 +18,7 @@ from core.search.assignment import Team
 from core.search.builder import build_asking, estimate_request
 from core.search.finalists import rollouts_in
 from core.store.reader import StoredRun
-from core.support.cli import print_table, say
+from core.support.cli import print_table
 from plugins.results.pages.runs import AnyRun, FinishedRun, LeftOutRun
 from plugins.results.study.study_files import StudyRun, is_done, read_state
 
@@ -38,7 +38,6 @@ class Need:
     Attributes:
         requests: to the model, without those that send designs back.
         rollouts: at most.
-        deciding: of these, those that decide between the best.
         busy_s: seconds of one core.
         wait_s: seconds for answers of a model.
         usd: US dollars; infinite: the model has no known price.
@@ -46,7 +45,6 @@ class Need:
 
     requests: int = 0
     rollouts: int = 0
-    deciding: int = 0
     busy_s: float = 0.0
     wait_s: float = 0.0
     usd: float = 0.0
@@ -73,7 +71,7 @@ class Outlook:
 
     @property
     def whole(self) -> Need:
-        return total(self.needs.values())
+        return sum(self.needs.values(), Need())
 
     def hours(self, need: Need) -> float:
         """Return how long this takes."""
@@ -85,16 +83,13 @@ class Outlook:
         for method in dict.fromkeys(run.method for run in self.runs):
             runs = [run for run in self.runs if run.method == method]
             missing = [self.needs[run] for run in runs if run in self.needs]
-            rows.append(self._row(method, len(runs), len(missing), total(missing)))
+            rows.append(
+                self._row(method, len(runs), len(missing), sum(missing, Need()))
+            )
 
         rows.append(self._row("all", len(self.runs), len(self.needs), self.whole))
         head = ("method", "runs", "to do", "requests", "rollouts", "hours", "dollars")
         print_table(head, rows, head[1:])
-        if self.whole.deciding:
-            say(
-                f"up to {self.whole.deciding:,} of these rollouts decide between the best, in a generation and at "
-                "the end: seconds of the machine, which budget.elite_s and budget.final_s set; 0: none"
-            )
 
     def _row(self, method: str, runs: int, todo: int, need: Need) -> tuple[str, ...]:
         usd = "unknown" if math.isinf(need.usd) else f"{need.usd:,.2f}"
@@ -182,8 +177,7 @@ def _estimate(
     candidates = budget.n_agent * tools * budget.n_action * generations
     candidates += cfg.evolution.get("refine", 0)
     often, last = demand.finals
-    deciding = often * generations + last
-    rollouts = candidates * demand.conditions + deciding
+    rollouts = candidates * demand.conditions + often * generations + last
     requests = budget.n_agent * generations
     if isinstance(state, LeftOutRun) and state.status == "unfinished":
         store = StoredRun(state.folder)
@@ -196,7 +190,7 @@ def _estimate(
     wait_s = ANSWER_S * requests / budget.n_agent if waits else 0.0
     usd = requests * demand.price(tools, budget.n_action)
 
-    return Need(requests, rollouts, min(deciding, rollouts), busy_s, wait_s, usd)
+    return Need(requests, rollouts, busy_s, wait_s, usd)
 
 
 def _measure(cfg: DictConfig) -> _Demand:
@@ -234,12 +228,3 @@ def cores() -> int:
         return len(os.sched_getaffinity(0))
 
     return os.cpu_count() or 1
-
-
-def total(needs: Iterable[Need]) -> Need:
-    """Add up what runs take."""
-    whole = Need()
-    for need in needs:
-        whole += need
-
-    return whole

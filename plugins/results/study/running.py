@@ -1,4 +1,4 @@
-"""Run what a study lacks: each run in a process of its own, some side by side, with one display of the progress."""
+"""Run what a study lacks: each run in a process of its own, some side by side, with a line for each."""
 
 from __future__ import annotations
 
@@ -7,20 +7,18 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import Progress
-
 from core.config.gate import choose_again
+from core.support.cli import say
 from core.support.files import read_text
 from core.support.interrupts import check_interrupt
+from core.support.progress_display import busy
 from core.support.text import clean, hydra_word, number
 from plugins.results.pages.runs import AnyRun, FinishedRun, is_held
-from plugins.results.study.estimate import Need
 from plugins.results.study.study_files import (
     StudyRun,
     is_done,
@@ -38,12 +36,12 @@ class Runner:
     """Runs what is missing. A killed study leaves runs that go on alone: the next one waits for them.
 
     Args:
-        needs: what the runs are expected to take.
+        runs: that are missing.
         jobs: how many run at a time.
         launch: words before the command of each run, such as those of ``srun``.
     """
 
-    needs: Mapping[StudyRun, Need]
+    runs: Sequence[StudyRun]
     jobs: int = 1
     launch: Sequence[str] = ()
     _processes: set[subprocess.Popen[bytes]] = field(default_factory=set)
@@ -57,11 +55,8 @@ class Runner:
         """
         failures: list[str] = []
         in_a_row = 0
-        console = Console(stderr=True, highlight=False, soft_wrap=True)
-        bar = Progress(console=console, disable=not console.is_terminal)
-        shown = bar.add_task("runs", total=sum(map(_seconds, self.needs.values())))
-        with bar, ThreadPoolExecutor(self.jobs) as pool:
-            futures = {pool.submit(self.finish, run): run for run in self.needs}
+        with busy("runs") as step, ThreadPoolExecutor(self.jobs) as pool:
+            futures = {pool.submit(self.finish, run): run for run in self.runs}
             try:
                 for count, future in enumerate(as_completed(futures), 1):
                     check_interrupt()
@@ -76,11 +71,9 @@ class Runner:
                     if in_a_row >= MOST_FAILURES:
                         self._stopping.set()
 
-                    counts = f"{count}/{len(futures)} runs"
-                    line = f"{counts}  {run}: {reason or _describe(run)}"
-                    console.print(clean(line, 1000), markup=False)
-                    advance = _seconds(self.needs[run])
-                    bar.update(shown, advance=advance, description=counts)
+                    step.what = f"{count}/{len(futures)} runs"
+                    came_to = clean(reason or _describe(run), 1000)
+                    say(f"{step.what}  {run}: {came_to}", file=sys.stderr)
             except KeyboardInterrupt:
                 self.interrupt()
                 raise
@@ -146,10 +139,6 @@ def _describe(run: StudyRun) -> str:
         return "no candidate could be tried"
 
     return f"{number(state.best.reward, 3)}  ({state.figures.wall_time_s:.0f} s)"
-
-
-def _seconds(need: Need) -> float:
-    return need.busy_s + need.wait_s
 
 
 def _log(run: StudyRun) -> Path:

@@ -14,10 +14,8 @@ from omegaconf import DictConfig
 
 from core.config.compose import load
 from core.errors import UsageError, UserError, choices
-from core.plugins import KINDS, installed
 from core.support.cli import arguments, say
 from core.support.files import write_whole, writing
-from core.support.inputs import check
 from core.support.interrupts import resumable
 from core.support.progress_display import busy
 from plugins.results.report.report_command import report, show
@@ -35,6 +33,7 @@ from plugins.results.study.study_files import (
     Selection,
     find_study,
     name_task,
+    read_settings,
     read_state,
     read_study,
 )
@@ -95,8 +94,6 @@ def main(words: list[str]) -> None:
     tasks = _choose("task", cfg.tasks, {name_task(task): task for task in study.tasks})
     methods = _choose("method", cfg.methods, {m.name: m for m in study.methods})
 
-    for method in methods:
-        _check_parts(method.name, selection.settings_of(method))
     model = load("config", selection.plan(methods[:1], tasks[:1], 1)[0].words)
     waits = reads_words(model)
     if not waits:
@@ -123,7 +120,7 @@ def main(words: list[str]) -> None:
             write_whole(selection.folder / RECORD, record.encode(), shared=True)
 
         with resumable(f"to go on: {again}"):
-            runner = Runner(outlook.needs, jobs, shlex.split(cfg.launch))
+            runner = Runner(list(outlook.needs), jobs, shlex.split(cfg.launch))
             failures = runner.run_all()
 
     begun = any(read_state(run) is not None for run in runs)
@@ -146,18 +143,8 @@ def _read_words(words: Sequence[str]) -> tuple[str, StudyConfig, list[str]]:
         arguments(USAGE, [word for word in words if word.startswith("-")])
         raise UsageError(f"no study is named; {USAGE}")
 
-    own: dict[str, str | list[str]] = {}
-    others: list[str] = []
-    for word in arguments(USAGE, rest):
-        key, _, value = word.partition("=")
-        if key in ("tasks", "methods"):
-            own[key] = [item.strip() for item in value.strip("[]").split(",")]
-        elif key in StudyConfig.model_fields:
-            own[key] = value
-        else:
-            others.append(word)
-
-    return name, check(StudyConfig, own, "vlmgineer study", UsageError), others
+    cfg, others = read_settings(StudyConfig, rest, USAGE, "vlmgineer study")
+    return name, cfg, others
 
 
 def _select(cfg: StudyConfig, file: Path, words: Sequence[str]) -> Selection:
@@ -177,26 +164,6 @@ def _choose(kind: str, names: Sequence[str], known: Mapping[str, T]) -> list[T]:
             raise choices(kind, name, known, "the study")
 
     return [known[name] for name in known if not names or name in names]
-
-
-def _check_parts(method: str, words: Sequence[str]) -> None:
-    """Check that the parts that a method names are installed, before anything is estimated.
-
-    Raises:
-        UsageError: one is not.
-    """
-    for word in words:
-        kind, _, value = word.partition("=")
-        if kind not in KINDS or value.startswith("{"):
-            continue
-
-        known = installed().names(kind)
-        for name in value.strip("[]").split(","):
-            if name.strip() and name.strip() not in known:
-                unknown = choices(kind, name.strip(), known, f"method {method!r}")
-                raise UsageError(
-                    f"{unknown}; a part of your own is there once its package is installed: pip install -e FOLDER"
-                )
 
 
 def _leave_out(methods: Sequence[Method], cfg: DictConfig) -> list[Method]:

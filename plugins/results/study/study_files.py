@@ -9,13 +9,13 @@ from hashlib import sha256
 from importlib.resources import files
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pydantic
 import yaml
 
 from core.errors import UsageError, UserError, choices
-from core.support.cli import expand, path_exists, say
+from core.support.cli import arguments, expand, path_exists, say
 from core.support.files import read_text
 from core.support.inputs import FIELDS, check
 from core.support.text import clean, hydra_word
@@ -31,12 +31,16 @@ DECISIVE = ("vlm.model=", "vlm.run=", "vlm.max_output_tokens=")
 """Of these, what results depend on."""
 
 MOST_BYTES = 1_000_000  # of a study file or a record, which others may have written
+LISTS = ("families", "methods", "tasks")  # settings with several values
 _DEEPEST = 30  # lists and objects within each other
 _MOST_REFERENCES = 100  # to what is named by ``&``, each of which is read again
 _RESERVED = ("report",)  # folders beside those of methods
 
 _STUDIES = Path(__file__).with_name("studies")
 _PROMPTS = Path(str(files("prompts")))
+
+
+Config = TypeVar("Config", bound=pydantic.BaseModel)
 
 
 class _Part(pydantic.BaseModel):
@@ -132,12 +136,10 @@ class Record(_Part):
     """What the folder of a study says of the runs in it.
 
     Attributes:
-        budget: the last one that was chosen.
         words: of the runs of a method on a task, by their folder, and one for what the task's scene file held.
         study: the study.
     """
 
-    budget: str
     words: dict[str, tuple[str, ...]]
     study: Study
 
@@ -171,6 +173,34 @@ def is_done(state: AnyRun | None) -> bool:
         return True
 
     return state is not None and state.status == "failed"
+
+
+def read_settings(
+    schema: type[Config], words: Sequence[str], usage: str, command: str
+) -> tuple[Config, list[str]]:
+    """Return the settings of a command, and the words for its runs.
+
+    Args:
+        schema: of the settings; those that are lists are typed with commas.
+        words: of the command line.
+        usage: of the command.
+        command: its name.
+
+    Raises:
+        UsageError: a setting has a wrong value.
+    """
+    own: dict[str, str | list[str]] = {}
+    others: list[str] = []
+    for word in arguments(usage, words):
+        key, _, value = word.partition("=")
+        if key not in schema.model_fields:
+            others.append(word)
+        elif key in LISTS:
+            own[key] = [item.strip() for item in value.strip("[]").split(",")]
+        else:
+            own[key] = value
+
+    return check(schema, own, command, UsageError), others
 
 
 def find_study(word: str) -> Path:
@@ -352,7 +382,7 @@ class Selection:
         before = read_record(self.folder / RECORD)
         words = dict(before.words) if before else {}
         words |= self.describe(methods, tasks)
-        record = Record(budget=self.budget, words=words, study=self.study)
+        record = Record(words=words, study=self.study)
         dumped = record.model_dump(mode="json")
         return yaml.safe_dump(dumped, sort_keys=False, allow_unicode=True, width=120)
 

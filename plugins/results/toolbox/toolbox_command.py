@@ -15,11 +15,10 @@ from core.designs.planning import parse_plan
 from core.errors import UsageError
 from core.interfaces import ActionPlan
 from core.plugins import ACTION, installed
-from core.support.cli import key_of, print_table, say, write_bytes
-from core.support.text import number
+from core.support.cli import key_of, say, write_bytes
 from plugins.results.artifacts import save_design
 from plugins.results.named_folders import folders_and_overrides
-from plugins.results.pages.formats import Column, Table, to_csv
+from plugins.results.pages.formats import Table, show_table, to_csv
 from plugins.results.pages.runs import find_runs
 from plugins.results.toolbox.choice import Toolbox, ToolboxConfig, toolbox
 from plugins.results.toolbox.held_tools import find_tools
@@ -35,13 +34,16 @@ LIBRARY = "library"
 TABLE = "rewards.csv"
 
 
+def tabulate(found: Toolbox) -> Table:
+    """Make the table of what each tool earned in each task."""
+    head = "|".join(["tool", *(f"{task}:2" for task in found.tasks)])
+    rows = zip(found.tools, found.rewards.tolist(), strict=True)
+    return Table.of("rewards", head, ((tool.name, *row) for tool, row in rows))
+
+
 def write(found: Toolbox, output: Path) -> None:
     """Write the rewards as a table, and the chosen tools with their plans."""
-    columns = tuple(Column(name) for name in ("tool", *found.tasks))
-    rows = zip(found.tools, found.rewards.tolist(), strict=True)
-    cells = tuple((tool.name, *rewards) for tool, rewards in rows)
-    table = to_csv(Table("rewards", columns, cells), output)
-    write_bytes(output / TABLE, table.encode())
+    write_bytes(output / TABLE, to_csv(tabulate(found), output).encode())
 
     # Another set may have been chosen before.
     shutil.rmtree(output / CHOSEN, ignore_errors=True)
@@ -77,11 +79,7 @@ def _join_plans(plans: Mapping[str, ActionPlan], *, gripper: bool) -> ActionPlan
 
 def show(found: Toolbox) -> None:
     """Print the rewards, and the sets that do most."""
-    rows = []
-    for tool, rewards in zip(found.tools, found.rewards.tolist(), strict=True):
-        rows.append((tool.name, *(number(reward, 2) for reward in rewards)))
-
-    print_table(("tool", *found.tasks), rows, tuple(found.tasks))
+    show_table(tabulate(found))
     for tools in found.sets:
         names = ", ".join(found.tools[i].name for i in tools)
         count = f"{len(tools)} of {len(found.tools)} tools"

@@ -4,25 +4,24 @@ from __future__ import annotations
 
 import json
 import shlex
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args, get_type_hints
+from statistics import fmean
+from typing import TYPE_CHECKING, get_args, get_type_hints
 
 import pydantic
 
 from core.config.compose import load
 from core.errors import UsageError, choices
 from core.plugins import installed
-from core.support.cli import arguments, print_table, say
+from core.support.cli import say
 from core.support.files import read_text, write_whole, writing
-from core.support.inputs import check
 from core.support.interrupts import resumable
-from core.support.text import number
+from core.values.messages import sum_known
 from plugins.results.pages.figure import COLORS, FigurePage, new_figure
-from plugins.results.pages.formats import Table, to_csv
+from plugins.results.pages.formats import Table, show_table, to_csv
 from plugins.results.report.statistics import interval
 from plugins.results.study.ladder.staircase import (
     BUDGET,
@@ -32,7 +31,7 @@ from plugins.results.study.ladder.staircase import (
     highest,
 )
 from plugins.results.study.running import Runner
-from plugins.results.study.study_files import AGAIN, merge
+from plugins.results.study.study_files import AGAIN, merge, read_settings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,7 +76,8 @@ def main(words: Sequence[str]) -> None:
         KeyboardInterrupt: says how to go on.
     """
     again = shlex.join(["vlmgineer", "study", "ladder", *words])
-    cfg, others = _read_words(words)
+    command = "vlmgineer study ladder"
+    cfg, others = read_settings(LadderConfig, words, USAGE, command)
     folder = Path(cfg.folder)
     known = list_families()
     for family in cfg.families:
@@ -91,10 +91,10 @@ def main(words: Sequence[str]) -> None:
         Staircase(family, seed, cfg.seeds, method, folder, given, cfg.most)
         for seed, family in product(range(cfg.seeds), cfg.families or known)
     ]
-    runner = Runner({}, cfg.jobs, shlex.split(cfg.launch))
+    runner = Runner([], cfg.jobs, shlex.split(cfg.launch))
     with resumable(f"to go on: {again}"), ThreadPoolExecutor(cfg.jobs) as pool:
         try:
-            climbed = list(pool.map(lambda stair: stair.climb(runner, _tell), stairs))
+            climbed = list(pool.map(lambda stair: list(stair.climb(runner)), stairs))
         except BaseException:
             runner.interrupt()
             raise
@@ -107,21 +107,6 @@ def list_families() -> list[str]:
     """List the families that ``task=ladder`` has."""
     hints = get_type_hints(installed().factory("task", "ladder"))
     return list(get_args(hints["family"]))
-
-
-def _read_words(words: Sequence[str]) -> tuple[LadderConfig, list[str]]:
-    own: dict[str, str | list[str]] = {}
-    others: list[str] = []
-    for word in arguments(USAGE, words):
-        key, _, value = word.partition("=")
-        if key == "families":
-            own[key] = [item.strip() for item in value.strip("[]").split(",")]
-        elif key in LadderConfig.model_fields:
-            own[key] = value
-        else:
-            others.append(word)
-
-    return check(LadderConfig, own, "vlmgineer study ladder", UsageError), others
 
 
 def _name(words: Sequence[str]) -> str:
@@ -158,17 +143,6 @@ def _note_words(file: Path, words: Sequence[str]) -> None:
         write_whole(file, json.dumps(said, indent=1).encode(), shared=True)
 
 
-def _tell(step: Step) -> None:
-    """Say what became of a level."""
-    verdict = "holds" if step.held else "fails"
-    if step.drawn is None:
-        verdict = "has no rung that counts"
-    parts = [f"{engine} {100 * share:.0f} %" for engine, share in step.shares]
-    remark = ", ".join(filter(None, [*parts, step.remark]))
-    where = f"{step.family} seed {step.seed} level {step.level}"
-    say(f"{where}: {verdict}{f' ({remark})' if remark else ''}", file=sys.stderr)
-
-
 def score(steps: Iterable[Step]) -> dict[str, list[int]]:
     """Return the highest level at which a design holds, of each seed, by family."""
     climbs: dict[str, dict[int, list[Step]]] = {}
@@ -181,48 +155,40 @@ def score(steps: Iterable[Step]) -> dict[str, list[int]]:
     }
 
 
+def _group(levels: Mapping[str, Sequence[int]]) -> dict[str, list[Sequence[int]]]:
+    """Return the levels that are averaged, by family, and at last those of all families."""
+    groups = {name: [found] for name, found in levels.items()}
+    return {**groups, MEAN: [*levels.values()]}
+
+
 def tabulate(steps: Sequence[Step]) -> Table:
     """Make the table: a row for each family, and one for their mean."""
     head = "family|levels|mean:2|low:2|high:2|requests:0|tokens:0|rollouts:0|hours:2"
-    levels = score(steps)
     rows = []
-    for family, found in levels.items():
-        own = [step for step in steps if step.family == family]
-        rows.append(_row(family, {family: found}, own))
+    for name, runs in _group(score(steps)).items():
+        taken = [step for step in steps if name in (step.family, MEAN)]
+        listed = " ".join(map(str, runs[0])) if name != MEAN else ""
+        low, high = interval(runs, "mean") or (None, None)
+        row = (
+            name,
+            listed,
+            fmean(map(fmean, runs)),
+            low,
+            high,
+            sum(step.requests for step in taken),
+            sum_known(step.tokens for step in taken),
+            sum(step.rollouts for step in taken),
+            sum(step.seconds for step in taken) / 3600,
+        )
+        rows.append(row)
 
-    rows.append(_row(MEAN, levels, steps))
     return Table.of("ladder", head, rows)
-
-
-def _row(
-    name: str, levels: Mapping[str, Sequence[int]], steps: Sequence[Step]
-) -> tuple[Any, ...]:
-    runs = list(levels.values())
-    mean = sum(sum(found) / len(found) for found in runs) / len(runs)
-    low, high = interval(runs, "mean") or (None, None)
-    told = [step.tokens for step in steps if step.tokens is not None]
-    listed = " ".join(map(str, runs[0])) if name != MEAN else ""
-    return (
-        name,
-        listed,
-        mean,
-        low,
-        high,
-        float(sum(step.requests for step in steps)),
-        float(sum(told)) if told else None,
-        float(sum(step.rollouts for step in steps)),
-        sum(step.seconds for step in steps) / 3600,
-    )
 
 
 def _report(folder: Path, method: str, steps: Sequence[Step]) -> None:
     """Write the table, the steps and the figure, and print the table."""
     table = tabulate(steps)
-    names = [column.name for column in table.columns]
-    digits = [column.digits for column in table.columns]
-    printed = [list(map(_format, row, digits)) for row in table.rows]
-    print_table(names, printed, names[2:])
-
+    show_table(table)
     figure = draw(method, score(steps))
     with writing(folder):
         write_whole(folder / "ladder.csv", to_csv(table, folder).encode())
@@ -237,28 +203,21 @@ def list_steps(steps: Sequence[Step]) -> Table:
     rows = []
     for step in steps:
         shares = ", ".join(f"{name} {share:.2f}" for name, share in step.shares)
-        rows.append(
-            (
-                step.family,
-                float(step.seed),
-                float(step.level),
-                None if step.drawn is None else float(step.drawn),
-                "yes" if step.held else "no",
-                shares,
-                float(step.requests),
-                None if step.tokens is None else float(step.tokens),
-                float(step.rollouts),
-                step.remark,
-            )
+        row = (
+            step.family,
+            step.seed,
+            step.level,
+            step.drawn,
+            "yes" if step.held else "no",
+            shares,
+            step.requests,
+            step.tokens,
+            step.rollouts,
+            step.remark,
         )
+        rows.append(row)
 
     return Table.of("steps", head, rows)
-
-
-def _format(cell: Any, digits: int | None) -> str:
-    if cell is None:
-        return ""
-    return cell if isinstance(cell, str) else number(cell, digits or 0)
 
 
 def draw(method: str, levels: Mapping[str, Sequence[int]]) -> FigurePage:
@@ -267,11 +226,10 @@ def draw(method: str, levels: Mapping[str, Sequence[int]]) -> FigurePage:
     def paint() -> Figure:
         figure = new_figure(1.6 + 1.1 * (len(levels) + 1), 3.6)
         ax = figure.subplots()
-        groups = {name: [found] for name, found in levels.items()}
-        groups[MEAN] = [*levels.values()]
+        groups = _group(levels)
         for place, (name, runs) in enumerate(groups.items()):
             color = COLORS[1 if name == MEAN else 0]
-            mean = sum(sum(found) / len(found) for found in runs) / len(runs)
+            mean = fmean(map(fmean, runs))
             ax.bar(place, mean, 0.7, color=color, alpha=0.5)
             low, high = interval(runs, "mean") or (mean, mean)
             ax.plot([place, place], [low, high], color=color, linewidth=2)

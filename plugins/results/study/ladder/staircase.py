@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from core.errors import UserError
+from core.support.cli import say
 from core.values.efforts import holds
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.study.ladder.admission import Admission, admit, share
@@ -59,6 +61,16 @@ class Step:
     seconds: float = 0.0
     remark: str = ""
 
+    def __str__(self) -> str:
+        verdict = "holds" if self.held else "fails"
+        if self.drawn is None:
+            verdict = "has no rung that counts"
+
+        parts = [f"{engine} {100 * share:.0f} %" for engine, share in self.shares]
+        remark = ", ".join(filter(None, [*parts, self.remark]))
+        where = f"{self.family} seed {self.seed} level {self.level}"
+        return f"{where}: {verdict}{f' ({remark})' if remark else ''}"
+
 
 @dataclass(frozen=True)
 class Staircase:
@@ -82,31 +94,24 @@ class Staircase:
     words: tuple[str, ...]
     most: int
 
-    def climb(self, runner: Runner, report: Callable[[Step], None]) -> list[Step]:
-        """Climb until two levels in a row fail; what is there already is not run again.
+    def climb(self, runner: Runner) -> Iterator[Step]:
+        """Climb until two levels in a row fail, and say what became of each; what is there already is not run again.
 
         Raises:
             UserError: a run did not come to its end.
         """
-        steps: list[Step] = []
-        for step in self._climb(runner):
-            report(step)
-            steps.append(step)
-
-        return steps
-
-    def _climb(self, runner: Runner) -> Iterator[Step]:
         failed = 0
         for level in range(1, self.most + 1):
             drawn, remark = self._draw(level)
             if drawn is None:
-                yield Step(self.family, level, self.seed, None, remark=remark)
-                return
+                step = Step(self.family, level, self.seed, None, remark=remark)
+            else:
+                step = self._run(level, drawn, runner)
 
-            step = self._run(level, drawn, runner)
+            say(str(step), file=sys.stderr)
             yield step
             failed = 0 if step.held else failed + 1
-            if failed >= FAILURES:
+            if drawn is None or failed >= FAILURES:
                 return
 
     def _draw(self, level: int) -> tuple[int | None, str]:
