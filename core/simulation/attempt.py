@@ -88,7 +88,7 @@ def prepare(
             resolve=partial(resolve, plan, task, seed, settings, scene),
             perceive=lookout.look,
             report=lookout.report,
-            go_on=partial(_plan_on, task, tool, settings),
+            go_on=partial(plan_on, task, tool, settings),
             check=partial(check_motion, task, tool, scene, settings),
         )
         reactions = call_part(plan, "make_reactions", Reactions, planned)
@@ -106,12 +106,12 @@ def prepare(
     return motion, job
 
 
-def _plan_on(
+def plan_on(
     task: Task,
     tool: Tool,
     settings: RolloutSettings,
     waypoints: Waypoints,
-    begin: Begin,
+    begin: Begin | None,
 ) -> Motion:
     """Plan the motion of a task's robot through waypoints, from where it stopped.
 

@@ -7,8 +7,7 @@ import numpy as np
 from core.design import Candidate
 from core.interfaces import RolloutSettings
 from plugins.actions.anchored import AnchoredActions
-from plugins.results.workshop.dry_run import DryRun
-from plugins.results.workshop.policy import Stopped
+from plugins.results.workshop.policy import ExportedPlan, Stopped
 from tests.support.guarded_blocks import TOOL, TOP
 from tests.support.playing import Made
 from tests.support.seen_cubes import CUBES
@@ -25,7 +24,7 @@ TOUCH_Z = TOP + 0.2 + 0.004  # the block is 4 mm higher than the plan takes it t
 def exported(task, *steps, **settings):
     plan = AnchoredActions().parse(list(steps), gripper=False)
     candidate = Candidate(TOOL, plan, 0, 0, 0, 0)
-    return DryRun(Made(task), candidate, 0, RolloutSettings(**settings), 100.0)
+    return ExportedPlan(Made(task), candidate, 0, RolloutSettings(**settings), 100.0)
 
 
 @dataclass

@@ -5,6 +5,7 @@ from core.geometry import Box, Pose
 from core.values.materials import PAPER, Material
 from core.values.printers import Printer
 from plugins.results.workshop.body import bodies
+from plugins.results.workshop.printing import print_part
 
 
 def post(length, mass=0.1):
@@ -41,7 +42,18 @@ HOOK = Tool(
 
 
 def print_bodies(tool, printer, material=PAPER):
-    return [body.printed(printer, material) for body in bodies(tool, printer)]
+    return [
+        print_part(
+            body.link.name,
+            body.link,
+            body.mount.solid,
+            body.weld_mm,
+            printer,
+            material,
+            [body.one_piece],
+        )
+        for body in bodies(tool, printer)
+    ]
 
 
 def tool(*components, gripper=False):

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import io
-import math
 from collections.abc import Sequence
 
 import numpy as np
-import trimesh
 
 from core.design import GRIPPER_MOUNTS
 from core.geometry import Array
@@ -22,7 +20,6 @@ from plugins.results.workshop.solid import to_mesh
 APART = 1.8  # times a joint's reach: how far its pieces are drawn apart
 ELEVATION, AZIMUTH = 22.0, -50.0  # of the eye, degrees
 FINE_M = 0.012  # the sides of the triangles that are drawn: a painter sorts small ones better
-LIGHT = np.array([0.35, -0.5, 0.8]) / np.linalg.norm([0.35, -0.5, 0.8])
 
 
 def draw_apart(
@@ -35,6 +32,8 @@ def draw_apart(
         joints: between them.
         robot: the arm.
     """
+    from matplotlib.colors import to_rgba
+
     gripper = any(part.mount in GRIPPER_MOUNTS for part in parts)
     mounts = open_mounts(robot, True) if gripper else {}
     moved = _move_apart(len(parts), joints)
@@ -45,8 +44,7 @@ def draw_apart(
         if part.mount in mounts:
             mesh.apply_transform(mounts[part.mount].matrix)
 
-        color = _to_rgb(COLORS[number % len(COLORS)])
-        painted.append(Painted(mesh, (*color, 1.0)))
+        painted.append(Painted(mesh, to_rgba(COLORS[number % len(COLORS)])))
 
     return painted
 
@@ -69,47 +67,25 @@ def _move_apart(count: int, joints: Sequence[Joint]) -> Array:
     return np.asarray(moved)
 
 
-def _face_eye(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Return what faces the eye of a mesh, in small triangles."""
-    across = math.cos(math.radians(ELEVATION))
-    turn = math.radians(AZIMUTH)
-    eye = [
-        across * math.cos(turn),
-        across * math.sin(turn),
-        math.sin(math.radians(ELEVATION)),
-    ]
-    faces = np.asarray(mesh.faces)[np.asarray(mesh.face_normals) @ eye > 0]
-    corners, faces = trimesh.remesh.subdivide_to_size(
-        mesh.vertices, faces, FINE_M, max_iter=20
-    )
-    return trimesh.Trimesh(corners, faces, process=False)
-
-
-def _to_rgb(color: str) -> tuple[float, float, float]:
-    red, green, blue = (int(color[i : i + 2], 16) / 255 for i in (1, 3, 5))
-    return red, green, blue
-
-
 def picture(painted: Sequence[Painted]) -> bytes:
     """Draw pieces with their numbers as a PNG file."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     figure = new_figure(9.0, 7.0)
     axes = figure.add_subplot(projection="3d", computed_zorder=False)
-    triangles = []
-    colors = []
-    for item in painted:
-        mesh = _face_eye(item.solid)
-        lit = 0.55 + 0.45 * np.clip(np.asarray(mesh.face_normals) @ LIGHT, 0, 1)
-        triangles.append(np.asarray(mesh.triangles))
-        colors.append(lit[:, None] * np.array(item.color[:3]))
-
-    corners = np.vstack(triangles)
-    paint = np.vstack(colors)
-    drawn = Poly3DCollection(
-        corners, facecolors=paint, edgecolors=paint, linewidths=0.2
+    meshes = [item.solid.subdivide_to_size(FINE_M, max_iter=20) for item in painted]
+    paint = [
+        np.tile(item.color, (len(mesh.faces), 1))
+        for item, mesh in zip(painted, meshes, strict=True)
+    ]
+    corners = np.vstack([mesh.triangles for mesh in meshes])
+    colors = np.vstack(paint)
+    axes.add_collection3d(
+        Poly3DCollection(
+            corners, facecolors=colors, edgecolors=colors, linewidths=0.2, shade=True
+        )
     )
-    axes.add_collection3d(drawn)
+
     for number, item in enumerate(painted, 1):
         middle = item.solid.bounds.mean(axis=0)
         axes.text(
@@ -122,8 +98,8 @@ def picture(painted: Sequence[Painted]) -> bytes:
         )
 
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-    for axis, (first, last) in zip("xyz", zip(low, high, strict=True), strict=True):
-        getattr(axes, f"set_{axis}lim")(first, last)
+    ends = dict(zip(("xlim", "ylim", "zlim"), np.stack([low, high], 1), strict=True))
+    axes.set(**ends)
 
     axes.set_box_aspect(np.maximum(high - low, 1e-3), zoom=1.15)
     axes.view_init(elev=ELEVATION, azim=AZIMUTH)

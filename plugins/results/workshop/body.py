@@ -1,4 +1,4 @@
-"""Make each rigid link of a tool one closed solid, fitted to what bears it, and compare it with what was simulated."""
+"""Make each rigid link of a tool one closed solid, fitted to what bears it."""
 
 from __future__ import annotations
 
@@ -7,35 +7,25 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import manifold3d
-
 from core.design import Tool
-from core.values.materials import Material
 from core.values.printers import Printer
 from plugins.results.workshop.lying import lay
 from plugins.results.workshop.mount import Mount
 from plugins.results.workshop.printing import (
     OVERLAP,
     Check,
-    PrintedPart,
     joined,
-    print_part,
 )
 from plugins.results.workshop.solid import (
     UNEVEN,
     WELDS_MM,
-    Placed,
     ToolLink,
     closed,
-    joined_solids,
     links_of,
     to_mesh,
     union,
     widened,
 )
-
-EXACT_MM = 0.1
-"""By which the solid may differ from what was simulated."""
 
 NOTHING_MM3 = 1.0
 
@@ -54,19 +44,6 @@ class Body:
     mount: Mount
     weld_mm: float
     one_piece: Check
-
-    def printed(self, printer: Printer, material: Material) -> PrintedPart:
-        """Lay it on a printer's plate, as a whole, and check it."""
-        name = self.link.name
-        return print_part(
-            name,
-            self.link,
-            self.mount.solid,
-            self.weld_mm,
-            printer,
-            material,
-            (self.one_piece._replace(part=name),),
-        )
 
 
 def bodies(tool: Tool, printer: Printer | None = None) -> list[Body]:
@@ -109,22 +86,6 @@ def fuse(
     return Body(link, mount, weld_mm, one_piece)
 
 
-def check_faithful(body: Body) -> Check:
-    """Compare the solid with the components that were simulated, apart from what fits it to the arm."""
-    off = body.weld_mm + EXACT_MM
-    shapes = body.link.shapes
-    wide = joined_solids([_offset(shape, off) for shape in shapes])
-    narrow = joined_solids([_offset(shape, -off) for shape in shapes])
-    solid = body.mount.solid
-    excess = max(0.0, (solid - wide - union(body.mount.adding)).volume())
-    taken = union((*body.mount.clearing, *body.mount.taking))
-    lack = max(0.0, (narrow - taken - solid).volume())
-    differs = f"{excess:.1f} mm³ too much and {lack:.1f} too little, {off:g} mm off what was simulated"
-
-    mend = "make hollow components thicker, or of simple shapes"
-    return Check("as simulated", max(excess, lack) < NOTHING_MM3, differs, mend)
-
-
 def check_apart(links: Sequence[Body]) -> list[Check]:
     """Check that bodies do not share space at rest, apart from those of one joint, which a workshop makes."""
     checks = []
@@ -141,24 +102,3 @@ def check_apart(links: Sequence[Body]) -> list[Check]:
             checks.append(Check("apart", False, share, "leave a gap between them"))
 
     return checks
-
-
-def _offset(placed: Placed, offset_mm: float) -> Any:
-    """Move the sides of a shape out: of one that is not convex by Minkowski's sum with a cube.
-
-    Args:
-        placed: the shape and its pose.
-        offset_mm: by how much; in where it is negative.
-
-    Returns:
-        A Manifold, millimetres.
-    """
-    if placed[0].is_convex:
-        return union(widened([placed], offset_mm))
-
-    cube = manifold3d.Manifold.cube((2 * abs(offset_mm),) * 3, True)
-    solid = union([placed])
-    if offset_mm > 0:
-        return solid.minkowski_sum(cube)
-
-    return solid.minkowski_difference(cube)

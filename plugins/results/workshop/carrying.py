@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -32,10 +33,9 @@ from core.plugins import PluginPart
 from core.scene import Scene
 from core.support.cli import expand, path_exists, say
 from plugins.results.chosen import chosen_evaluations
-from plugins.results.workshop.dry_run import DryRun
-from plugins.results.workshop.life_size import LIFE_SIZE, Ratio, to_life
-from plugins.results.workshop.parting import describe_parting
-from plugins.results.workshop.policy import Move, Policy, Stopped
+from plugins.results.workshop.life_size import Ratio, to_life
+from plugins.results.workshop.motion import Sampled
+from plugins.results.workshop.policy import ExportedPlan, Move, Policy, Stopped
 from plugins.results.workshop.replay import PlayedMotion, play_motion
 
 SETTINGS = "settings.yaml"
@@ -48,7 +48,7 @@ Perceive = Callable[[], Mapping[str, Sequence[float]]]
 class Driver(Protocol):
     """Moves an arm."""
 
-    def move_until(self, move: Move) -> Stopped | None:
+    def move_until(self, move: LifeSizeMove) -> Stopped | None:
         """Follow the samples of a move, and ask `Move.has_fired` every 10 ms or more often.
 
         Returns:
@@ -59,11 +59,8 @@ class Driver(Protocol):
         """
 
 
-def play_dry(exported: DryRun, engine: str) -> tuple[PlayedMotion, str]:
+def play_dry(exported: ExportedPlan, engine: str) -> PlayedMotion:
     """Play an exported plan in an engine, move by move; what is seen is what the engine's world shows.
-
-    Returns:
-        What came of it, and at which guard or look it first differs from the search; empty: at none.
 
     Raises:
         UserError: there is no such engine, or it can't play the plan.
@@ -72,12 +69,8 @@ def play_dry(exported: DryRun, engine: str) -> tuple[PlayedMotion, str]:
     where = Condition(
         exported.task, sim, exported.layout, exported.settings, engine=engine
     )
-    scene = exported.scene
-    replay = play_motion(where, scene, exported.tool, exported)
-    assert replay.reactions is not None
-    parting = describe_parting(where, exported.candidate, scene, replay.reactions)
 
-    return replay, parting
+    return play_motion(where, exported.scene, exported.tool, exported)
 
 
 def dump_settings(cfg: DictConfig, task: PluginPart[Task]) -> dict[str, Any]:
@@ -110,7 +103,7 @@ def _name_files(settings: Any) -> dict[str, Any]:
     return named
 
 
-def load_export(folder: Path, speed: float = 1.0) -> DryRun:
+def load_export(folder: Path, speed: float = 1.0) -> ExportedPlan:
     """Read the folder ``plan`` of an export, to be carried out with a share of the planned speed.
 
     Raises:
@@ -134,11 +127,11 @@ def load_export(folder: Path, speed: float = 1.0) -> DryRun:
     assert isinstance(rollout, DictConfig)
     settings = node(rollout, RolloutSettings)
     rate_hz = cfg.rate_hz * to_life(part.shared().robot).time
-    return DryRun(part, candidate, cfg.seed, settings, rate_hz, speed)
+    return ExportedPlan(part, candidate, cfg.seed, settings, rate_hz, speed)
 
 
 @dataclass(frozen=True, eq=False)
-class LifeSizeMove(Move):
+class LifeSizeMove:
     """A move in the size of the arm that stands in the lab; readings are compared in the simulated size.
 
     Attributes:
@@ -146,22 +139,16 @@ class LifeSizeMove(Move):
         to_life: leads from the simulated size to the arm's own one.
     """
 
-    planned: Move = field(kw_only=True)
-    to_life: Ratio = field(kw_only=True)
+    planned: Move
+    to_life: Ratio
 
-    @classmethod
-    def of(cls, planned: Move, to_life: Ratio) -> LifeSizeMove:
-        return cls(
-            to_life.samples(planned.samples),
-            to_life.motion(planned.motion),
-            to_life.time * planned.arrivals,
-            to_life.time * planned.since_s,
-            planned.watch,
-            planned=planned,
-            to_life=to_life,
-        )
+    @cached_property
+    def samples(self) -> Sampled:
+        """The motion, at a fixed rate."""
+        return self.to_life.samples(self.planned.samples)
 
     def has_fired(self, time: float, joints: Array, force: Array) -> bool:
+        """Take a reading, and report whether the arm must stop now; see `Move.has_fired`."""
         large = self.to_life.inverse
         return self.planned.has_fired(
             large.time * time, large.joints(joints), large.force * force
@@ -177,9 +164,7 @@ class Perceived:
         to_life: leads from the simulated size to the arm's own one.
     """
 
-    def __init__(
-        self, perceive: Perceive, scene: Scene, to_life: Ratio = LIFE_SIZE
-    ) -> None:
+    def __init__(self, perceive: Perceive, scene: Scene, to_life: Ratio) -> None:
         self._perceive = perceive
         self._scene = scene
         self._enlarge = to_life.inverse.pose
@@ -228,24 +213,19 @@ class Perceived:
                 raise RuntimeError(
                     f"perceive() has {name!r}; possible: {', '.join(names)}"
                 )
-            if numbers.shape != (7,) or not np.isfinite(numbers).all():
-                raise RuntimeError(
-                    f"perceive(): {name} needs x, y, z and a quaternion w, x, y, z, got {values}"
-                )
-
-            length = float(np.linalg.norm(numbers[3:]))
+            usable = numbers.shape == (7,) and np.isfinite(numbers).all()
+            length = float(np.linalg.norm(numbers[3:])) if usable else 0.0
             if abs(length - 1) > 0.01:
                 raise RuntimeError(
-                    f"perceive(): the quaternion of {name} has the length {length:.3g}, not 1"
+                    f"perceive(): {name} needs x, y, z and a unit quaternion w, x, y, z, got {values}"
                 )
-
             poses[name] = self._enlarge(Pose(numbers[:3], numbers[3:] / length))
 
         return poses
 
 
 def carry_out(
-    exported: DryRun,
+    exported: ExportedPlan,
     driver: Driver,
     perceive: Perceive,
     clock: Callable[[], float] = time.monotonic,
@@ -276,13 +256,13 @@ def carry_out(
         seen = Seen(first.poses, felt, looks, judge)
         return resolve_seen(exported.candidate.plan, task, settings, seen)
 
-    policy = Policy(resolve, exported.limits)
+    policy = Policy(resolve, exported)
     step: Move | Look | None = policy.begin()
     begun = clock()
 
     while step is not None:
         if isinstance(step, Move):
-            move = LifeSizeMove.of(step, life)
+            move = LifeSizeMove(step, life)
             stopped = driver.move_until(move)
             _say_move(move, stopped)
             if stopped is not None:
@@ -311,11 +291,12 @@ def carry_out(
     return policy
 
 
-def _say_move(move: Move, stopped: Stopped | None) -> None:
+def _say_move(move: LifeSizeMove, stopped: Stopped | None) -> None:
     """Say how a move ended."""
-    if stopped is not None and move.guard is not None:
-        say(f"{move.guard.until} after {stopped.time:.2f} s")
-    elif move.guard is not None:
-        say(f"no {move.guard.until}; the move came to its end")
+    guard = move.planned.guard
+    if guard is None:
+        say(f"moved for {move.samples.times[-1]:.2f} s")
+    elif stopped is None:
+        say(f"no {guard.until}; the move came to its end")
     else:
-        say(f"moved for {move.trajectory.duration:.2f} s")
+        say(f"{guard.until} after {stopped.time:.2f} s")

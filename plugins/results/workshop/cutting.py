@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,18 +54,6 @@ class Cut(NamedTuple):
     axis: int
     at_mm: float
     flipped: bool = False
-
-
-class Cuts(NamedTuple):
-    """Cuts that part a piece: one, or two that open a loop.
-
-    Attributes:
-        rank: the less, the better they seem: pieces that do not fit, by how much, and the room that pieces take.
-        cuts: both along one direction.
-    """
-
-    rank: tuple[float, float, float]
-    cuts: tuple[Cut, ...]
 
 
 class Halves(NamedTuple):
@@ -179,18 +168,30 @@ class _Cutter:
             solid: the piece, a Manifold in millimetres.
             lying: it as it lies.
         """
-        for listed in (self._list_cuts(solid), self._list_openings(solid)):
+        singles = ((cut,) for cut in self._list_places())
+        for listed in (singles, self._list_openings()):
             found = self._find_halves(solid, listed)
             if found:
                 return self._choose(found, lying)
 
         return None
 
-    def _find_halves(self, solid: Any, listed: Iterable[Cuts]) -> list[Halves]:
-        """Join a piece at the cuts that seem best, of those that have room."""
+    def _find_halves(
+        self, solid: Any, listed: Iterable[tuple[Cut, ...]]
+    ) -> list[Halves]:
+        """Join a piece at the cuts that seem best, of those that part it and have room.
+
+        The best leave the fewest pieces that do not fit, by the least, and those that take the least room.
+        """
+        ranked = []
+        for cuts in listed:
+            parted = self._part(solid, cuts)
+            if parted is not None:
+                ranked.append((self._rank(parted), cuts))
+
         found = []
-        for cuts in sorted(listed, key=lambda cuts: cuts.rank):
-            halves = self._join(solid, cuts.cuts)
+        for _, cuts in sorted(ranked, key=itemgetter(0)):
+            halves = self._join(solid, cuts)
             if halves is not None:
                 found.append(halves)
             if len(found) == TRIED:
@@ -210,15 +211,8 @@ class _Cutter:
 
         return None
 
-    def _list_cuts(self, solid: Any) -> Iterator[Cuts]:
-        """Yield single cuts that part a piece, as they seem."""
-        for cut in self._list_places():
-            halves = self._part(solid, (cut,))
-            if halves is not None:
-                yield Cuts(self._rank(halves), (cut,))
-
-    def _list_openings(self, solid: Any) -> Iterator[Cuts]:
-        """Yield pairs of cuts that part a loop, across two components beside each other, as they seem."""
+    def _list_openings(self) -> Iterator[tuple[Cut, Cut]]:
+        """Yield pairs of cuts that may open a loop, across two components beside each other."""
         for cut in self._list_places():
             place = self._frame(cut.component, cut.axis, cut.at_mm)[:3]
             for other, (shape, pose) in enumerate(self._link.shapes):
@@ -235,10 +229,7 @@ class _Cutter:
                 if abs(along[axis]) < PARALLEL or abs(at_mm) > 500 * size[axis]:
                     continue
 
-                beside = Cut(other, axis, at_mm, bool(along[axis] < 0))
-                halves = self._part(solid, (cut, beside))
-                if halves is not None:
-                    yield Cuts(self._rank(halves), (cut, beside))
+                yield cut, Cut(other, axis, at_mm, bool(along[axis] < 0))
 
     def _list_places(self) -> Iterator[Cut]:
         """Yield where components may be cut that are long enough."""
@@ -386,22 +377,10 @@ class _Cutter:
         longest = max(self._components, key=lambda item: self._length_in(piece, item))
         length = self._length_in(piece, longest)
         size = " × ".join(f"{side:.0f}" for side in lying.size)
-        free = (
-            f"leave {REACH_MM[0] + 5:.0f} mm of a component straight and free of others"
-        )
-        number = self._components.index(longest)
-        parting = (
-            cuts for cuts in self._list_cuts(piece) if cuts.cuts[0].component == number
-        )
-        if length >= LEAST_MM and next(parting, None) is None:
-            free = (
-                "open it: it is closed like a tray or a tube, which no two cuts part, while a hook, a comb, a fork or "
-                "a frame comes in pieces"
-            )
-
         return (
-            f"no joint makes its part of {size} mm fit: shorten {longest.name}, {length:.0f} mm of which are in "
-            f"it, {free}, or choose a larger printer"
+            f"no joint makes its part of {size} mm fit: shorten {longest.name}, {length:.0f} mm of which are in it, "
+            f"leave {REACH_MM[0] + 5:.0f} mm of a component straight and free of others, open it where it is closed "
+            "like a tray or a tube, or choose a larger printer"
         )
 
     def _length_in(self, piece: Any, component: Component) -> float:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 
-from core.design import Candidate, Tool
+from core.design import Tool
 from core.designs.planning import resolve
 from core.geometry import Array, step_lengths
 from core.interfaces import (
@@ -18,83 +16,35 @@ from core.interfaces import (
     Look,
     Looked,
     Motion,
-    RolloutSettings,
-    Sighted,
-    Task,
 )
 from core.robot.feeling import ForceSense, bring_to_rest
 from core.scene import Scene, State
 from core.simulation.looking import Lookout
-from core.trial import Part
 from core.values.jobs import FEEL_S
-from plugins.results.workshop.policy import Limits, Move, Policy, Resolve, Stopped
+from plugins.results.workshop.policy import (
+    ExportedPlan,
+    Move,
+    Policy,
+    Resolve,
+    Stopped,
+)
 
 
-class Eyes(Protocol):
-    """Sees a world, see `core.simulation.looking.Lookout`."""
+def start(exported: ExportedPlan, scene: Scene, tool: Tool) -> DryReactions:
+    """Make what carries a plan out in one world.
 
-    def look(
-        self,
-        time: float,
-        arm: Array,
-        fingers: Array,
-        state: State,
-        before: tuple[Sighted, ...],
-    ) -> Sighted: ...
-
-    def report(self, asked: Look, looks: tuple[Sighted, ...]) -> Looked: ...
-
-
-@dataclass(frozen=True)
-class DryRun:
-    """A plan that feels or looks, as it is exported, to be played in any engine with any tool.
-
-    Attributes:
-        task: the part that makes it, with the robot.
-        candidate: the tool and the plan.
-        layout: its seed; fixed bodies and marks stand as there, unless they are seen elsewhere.
-        settings: how plans are executed.
-        rate_hz: of the samples.
-        speed: the share of the planned speed.
+    Args:
+        exported: the plan.
+        scene: of the layout.
+        tool: that the arm holds there.
     """
+    task = exported.task.shared()
+    plan = exported.candidate.plan
+    settings = exported.settings
+    meaning: Resolve = partial(resolve, plan, task, exported.layout, settings, scene)
+    eyes = Lookout(task, scene, tool, exported.layout, settings)
 
-    task: Part[Task]
-    candidate: Candidate
-    layout: int
-    settings: RolloutSettings
-    rate_hz: float
-    speed: float = 1.0
-
-    def start(self, scene: Scene, tool: Tool) -> DryReactions:
-        """Make what carries the plan out in one world.
-
-        Args:
-            scene: of the layout.
-            tool: that the arm holds there.
-        """
-        task = self.task.shared()
-        meaning: Resolve = partial(
-            resolve, self.candidate.plan, task, self.layout, self.settings, scene
-        )
-        eyes = Lookout(task, scene, tool, self.layout, self.settings)
-        return DryReactions(meaning, self.limits, eyes, self.layout)
-
-    @property
-    def tool(self) -> Tool:
-        """What the arm holds."""
-        assert self.candidate.tool is not None
-        return self.candidate.tool
-
-    @property
-    def scene(self) -> Scene:
-        """The layout for which it was exported."""
-        return self.task.shared().scene(self.layout).furnished(self.tool)
-
-    @property
-    def limits(self) -> Limits:
-        """How its moves are planned."""
-        task = self.task.shared()
-        return Limits(task, self.tool, self.settings, self.rate_hz, self.speed)
+    return DryReactions(meaning, exported, eyes)
 
 
 class DryReactions:
@@ -102,9 +52,8 @@ class DryReactions:
 
     Args:
         meaning: says what the plan means.
-        limits: how moves are planned.
+        exported: the plan; its layout is the seed of the noise of what is felt.
         eyes: see the world.
-        seed: of the noise of what is felt.
 
     Attributes:
         felt: how guards ended so far.
@@ -117,11 +66,10 @@ class DryReactions:
     feels = True
     looks = True
 
-    def __init__(self, meaning: Resolve, limits: Limits, eyes: Eyes, seed: int) -> None:
+    def __init__(self, meaning: Resolve, exported: ExportedPlan, eyes: Lookout) -> None:
         self._meaning = meaning
-        self._limits = limits
+        self._exported = exported
         self._eyes = eyes
-        self._seed = seed
 
     def begin(self) -> JointTrajectory:
         """See `core.interfaces.Reactions`."""
@@ -130,8 +78,9 @@ class DryReactions:
         self.problem: str | None = None
         self.since = math.inf
         self.looks_at = math.inf
-        self._policy = Policy(self._meaning, self._limits)
-        self._sense = ForceSense(self._limits.arm, self._limits.feel.noise, self._seed)
+        self._policy = Policy(self._meaning, self._exported)
+        noise = self._exported.settings.feel.noise
+        self._sense = ForceSense(self._exported.arm, noise, self._exported.layout)
         self._look: Look | None = None
         self._move: Move | None = None
         self._rows: list[Array] = []
@@ -146,7 +95,7 @@ class DryReactions:
     def motion(self) -> Motion:
         """The motion as it was played so far."""
         count = len(self._arrivals)
-        places = self._limits.arm.positions(self._trajectory.arm)
+        places = self._exported.arm.positions(self._trajectory.arm)
         return Motion(
             self._trajectory,
             float(step_lengths(places).sum()),
@@ -162,8 +111,6 @@ class DryReactions:
         self._begins_s = begins_s
         self._rows += list(move.motion.plan)
         self._arrivals += (begins_s + move.arrivals).tolist()
-        self.since = math.inf
-        self.looks_at = math.inf
         if move.guard is None:
             self.looks_at = self._trajectory.duration
         else:
@@ -193,8 +140,8 @@ class DryReactions:
                 self._trajectory,
                 time,
                 arm,
-                self._limits.arm,
-                self._limits.settings.speed,
+                self._exported.arm,
+                self._exported.settings.speed,
             )
             self._arrivals[-1] = self._trajectory.duration
 
@@ -205,7 +152,6 @@ class DryReactions:
         self, time: float, arm: Array, fingers: Array, state: State
     ) -> JointTrajectory | None:
         """Look at the world where a move ended, if the plan does, see `core.interfaces.Reactions`."""
-        self.looks_at = math.inf
         if self._look is None:
             self._take(self._policy.moved(None))
             return self._trajectory
@@ -213,7 +159,7 @@ class DryReactions:
         before = self._policy.looks
         seen = self._eyes.look(time, arm, fingers, state, before)
         self.looked += (self._eyes.report(self._look, (*before, seen)),)
-        look_s = self._limits.settings.perception.look_s
+        look_s = self._exported.settings.perception.look_s
         rest_s = max(time + look_s - self._trajectory.duration, FEEL_S)
         self._trajectory = self._trajectory.held(rest_s)
         self._take(self._policy.saw(seen))

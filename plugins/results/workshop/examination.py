@@ -6,17 +6,12 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from core.design import Candidate, DesignError, Tool
-from core.designs.planning import resolve
 from core.interfaces import Condition, Material, Robot, Trial
-from core.robot.kinematics import arm_of
-from core.robot.trajectory import plan_task_motion
 from core.scene import Scene
 from core.solids.self_collision import DEEP_M
 from core.values.printers import Printer
 from plugins.results.workshop.clearance import clearance
-from plugins.results.workshop.dry_run import DryRun
 from plugins.results.workshop.life_size import to_life
-from plugins.results.workshop.motion import sample
 from plugins.results.workshop.printing import THICKEN, Check
 from plugins.results.workshop.replay import (
     RECORD_HZ,
@@ -108,30 +103,12 @@ class Examination:
         life = stage.to_life
         robot = task.robot.life_size
         own = life.tool(tool)
-        settings = condition.settings
-        waypoints = resolve(candidate.plan, task, condition.layout, settings, scene)
-        arm = arm_of(robot)
-
-        if waypoints.guards or waypoints.looks:
-            dry_run = DryRun(
-                condition.task, candidate, condition.layout, settings, RECORD_HZ
-            )
-            replays = stage.play(own, dry_run)
-            (replay,) = replays.values()
-            assert replay.reactions is not None
-            trajectory = life.trajectory(replay.reactions.motion.trajectory)
-            motion = sample(trajectory, arm, RECORD_HZ)
-        else:
-            planned = plan_task_motion(waypoints, task, settings)
-            motion = sample(life.trajectory(planned.trajectory), arm, RECORD_HZ)
-            replays = stage.play(own, motion)
-            (replay,) = replays.values()
+        played = stage.play_design(candidate, own, RECORD_HZ)
+        (replay,) = played.replays.values()
 
         own_scene = life.scene(scene)
         printed = print_tool(own, robot, self.material, self.printer)
-        rows = measured(
-            own, robot, self.material, own_scene, motion, replays, printed.joints
-        )
+        rows = measured(printed, robot, own_scene, played.motion, played.replays)
         verdicts = strong(self.material, rows, task, self.safety)
         problems = [str(verdict) for verdict in verdicts if verdict.passed is False]
 

@@ -18,10 +18,10 @@ from plugins.results.workshop.clearance import (
     margins,
     payload,
 )
-from plugins.results.workshop.dry_run import DryRun
 from plugins.results.workshop.motion import Sampled
+from plugins.results.workshop.policy import ExportedPlan
 from plugins.results.workshop.printing import Check
-from plugins.results.workshop.replay import PlayedMotion
+from plugins.results.workshop.replay import Playable, PlayedMotion
 from plugins.results.workshop.strength import Strength
 from plugins.results.workshop.tool import PrintedTool
 
@@ -59,7 +59,7 @@ class Export:
     mounted: Mapping[str, float] = field(default_factory=dict)
     checks: list[Check] = field(default_factory=list)
     verdicts: list[Check] = field(default_factory=list)
-    dry_run: DryRun | None = None
+    dry_run: ExportedPlan | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -68,9 +68,9 @@ class Export:
         return self.moves["trajectory"]
 
     @property
-    def playable(self) -> Sampled | DryRun:
+    def playable(self) -> Playable:
         """What is played to try the export."""
-        return self.dry_run or self.motion
+        return self.dry_run or self.motion.trajectory
 
     @cached_property
     def payload(self) -> dict[str, Any]:

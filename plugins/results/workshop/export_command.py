@@ -6,6 +6,7 @@ Nothing here commands a robot.
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,7 +23,6 @@ from core.support.text import count_words
 from core.values.efforts import PERTURBED, Held
 from plugins.results.chosen import DesignsConfig, chosen_evaluations, config_for
 from plugins.results.named_folders import folders_and_overrides
-from plugins.results.workshop.exact import check_kernel, write_step
 from plugins.results.workshop.export import Export
 from plugins.results.workshop.export_folder import new_folder, write_export
 from plugins.results.workshop.life_size import to_life
@@ -37,6 +37,7 @@ USAGE = (
 )
 
 FORMATS = ("stl", "step")
+NO_KERNEL = "format=step needs Open CASCADE: pip install 'cadquery-ocp-novtk>=8,<9'"
 
 
 @dataclass
@@ -77,12 +78,11 @@ def export(cfg: DictConfig) -> list[Export]:
     check_seed(cfg.seed)
     if cfg.format not in FORMATS:
         raise UsageError(f"format={cfg.format}; possible: {', '.join(FORMATS)}")
-    if cfg.format == "step":
-        check_kernel()
+    if cfg.format == "step" and importlib.util.find_spec("OCP") is None:
+        raise UsageError(NO_KERNEL)
 
-    slicer = None
-    if cfg.slice or cfg.slicer:
-        slicer = find_slicer(cfg.slice or cfg.slicer, cfg.slicer)
+    program = cfg.slicer or cfg.slice
+    slicer = find_slicer(program) if program else None
 
     output = new_folder(Path(cfg.output))
     try:
@@ -118,15 +118,17 @@ def _export_to(output: Path, cfg: DictConfig, slicer: Path | None) -> list[Expor
     held = describe_held(Path(cfg.designs))
     found = []
     with writing(output):
-        written = write_tool(printed, output / "tool", printer)
+        write_tool(printed, output / "tool", printer)
         if cfg.format == "step":
-            written = written.with_checks(write_step(written, output / "tool"))
+            from plugins.results.workshop.exact import write_step
 
-        asked = ask_slicer(slicer, written.parts, printer, representation.material)
-        written = replace(written, sliced=asked[0]).with_checks(*asked[1])
+            printed = printed.with_checks(write_step(printed, output / "tool"))
+
+        asked = ask_slicer(slicer, printed.parts, printer, representation.material)
+        printed = replace(printed, sliced=asked[0]).with_checks(*asked[1])
         for item in exports:
             folder = output / item.task.name if len(exports) > 1 else output
-            found.append(write_export(item, written, representation, folder, held))
+            found.append(write_export(item, printed, representation, folder, held))
 
     return found
 

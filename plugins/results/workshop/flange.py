@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import trimesh
 
 from core.design import RIGID_MOUNT
 from core.errors import UserError
@@ -315,7 +315,5 @@ def _find_weak(link: ToolLink, cut: Sequence[Placed]) -> str | None:
 
 def _section(solid: Any, middle: Array, axis: Array) -> float:
     """Measure the section of a solid through a point (3,), square to an axis (3,), mm²."""
-    turn, _ = Rotation.align_vectors([[0.0, 0.0, 1.0]], [axis])
-    matrix = turn.as_matrix()
-    placed = solid.transform(np.column_stack([matrix, -matrix @ middle]))
-    return float(placed.slice(0.0).area())
+    to_section = trimesh.geometry.plane_transform(middle, axis)
+    return float(solid.transform(to_section[:3]).slice(0.0).area())

@@ -18,6 +18,7 @@ import manifold3d
 import numpy as np
 
 from core.design import Component
+from core.designs.stiffness import second_moment
 from core.geometry import Array, Mesh, Pose
 from core.values.materials import Material
 from plugins.results.workshop.settings import Fit
@@ -220,8 +221,7 @@ class Profile(NamedTuple):
         ends = [
             np.column_stack([corners, np.full(len(corners), z)]) for z in (low, high)
         ]
-        points = np.vstack(ends) @ frame[:3, :3].T + frame[:3, 3]
-        return Mesh.hull_of(points / 1000), Pose()
+        return _hull(frame, np.vstack(ends))
 
     def modulus(
         self, axis: int, material: Material, hole: Profile | None = None
@@ -236,16 +236,21 @@ class Profile(NamedTuple):
         thick = float(self.size[1 - axis])
         wide = float(self.size[axis])
         filled = float(self.section.area()) / (thick * wide)
-        second = filled**2 * wide * thick**3 / 12
         if hole is None:
-            walls = 2 * material.wall_mm
-            within = max(0.0, wide - walls) * max(0.0, thick - walls) ** 3
-            second -= filled**2 * (1 - material.infill) * within / 12
+            of_metres = second_moment(wide / 1000, thick / 1000, material)
+            second = 1e12 * float(of_metres)
         else:
-            inner, across = float(hole.size[1 - axis]), float(hole.size[axis])
-            second -= filled**2 * across * inner**3 / 12
+            inner = float(hole.size[1 - axis])
+            across = float(hole.size[axis])
+            second = (wide * thick**3 - across * inner**3) / 12
 
-        return second / (thick / 2)
+        return filled**2 * second / (thick / 2)
+
+
+def _hull(frame: Array, points: Array) -> Placed:
+    """Return the convex hull of points (N, 3) in a joint's frame."""
+    placed = points @ frame[:3, :3].T + frame[:3, 3]
+    return Mesh.hull_of(placed / 1000), Pose()
 
 
 def straight_profile(solid: Any, frame: Array, length: float) -> Profile | None:
@@ -418,11 +423,9 @@ def _sink(frame: Array, place: tuple[float, float], high: float) -> Placed:
         high: the y of the surface.
     """
     angles = np.arange(32) * math.tau / 32
-    rings = []
-    for y, radius in ((high - SINK_MM, BORE_MM), (high + 0.05, HEAD_MM + 0.05)):
-        x = place[0] + radius * np.cos(angles)
-        z = place[1] + radius * np.sin(angles)
-        rings.append(np.column_stack([x, np.full_like(x, y), z]))
+    ring = np.column_stack([np.cos(angles), np.zeros(32), np.sin(angles)])
+    x, z = place
+    bottom = BORE_MM * ring + (x, high - SINK_MM, z)
+    top = (HEAD_MM + 0.05) * ring + (x, high + 0.05, z)
 
-    points = np.vstack(rings) @ frame[:3, :3].T + frame[:3, 3]
-    return Mesh.hull_of(points / 1000), Pose()
+    return _hull(frame, np.vstack([bottom, top]))

@@ -56,15 +56,8 @@ class Ratio:
         return math.sqrt(self.length)
 
     @property
-    def speed(self) -> float:
-        return math.sqrt(self.length)
-
-    @property
-    def mass(self) -> float:
-        return self.length**3
-
-    @property
     def force(self) -> float:
+        """Also that of masses."""
         return self.length**3
 
     @property
@@ -92,7 +85,7 @@ class Ratio:
             component,
             pose=self.pose(component.pose),
             shape=component.shape.scaled(self.length),
-            mass=self.mass * component.mass,
+            mass=self.force * component.mass,
             joint=None if joint is None else self._joint(joint),
         )
 
@@ -135,18 +128,12 @@ class Ratio:
                 "without robot.reach"
             )
 
-        vx, vy, vz = (self.speed * value for value in body.velocity)
-        wx, wy, wz = (value / self.time for value in body.spin)
         return replace(
             body,
             pose=self.pose(body.pose),
-            mass=self.mass * body.mass,
+            mass=self.force * body.mass,
             visuals=tuple(map(self._geom, body.visuals)),
             collisions=tuple(map(self._geom, body.collisions)),
-            rolling_friction=self.length * body.rolling_friction,
-            velocity=(vx, vy, vz),
-            spin=(wx, wy, wz),
-            breaks_n=self.force * body.breaks_n,
         )
 
     def _geom(self, geom: Geom) -> Geom:
@@ -179,7 +166,6 @@ class Ratio:
             states=self._states(recording.states),
             forces={k: self.force * v for k, v in recording.forces.items()},
             pushes=pushes,
-            loads={k: self.force * v for k, v in recording.loads.items()},
         )
 
     def _states(self, states: State) -> State:
@@ -187,9 +173,8 @@ class Ratio:
         return replace(
             states,
             positions=self.length * states.positions,
-            linear_velocities=self.speed * states.linear_velocities,
+            linear_velocities=self.time * states.linear_velocities,
             angular_velocities=states.angular_velocities / self.time,
-            soft={name: self.length * nodes for name, nodes in states.soft.items()},
         )
 
     def trajectory(self, trajectory: JointTrajectory) -> JointTrajectory:
@@ -222,9 +207,6 @@ class Ratio:
             accelerations=self.joints(samples.accelerations) / self.length,
             fingers=self.length * samples.fingers,
         )
-
-
-LIFE_SIZE = Ratio(1.0)
 
 
 def to_life(robot: Robot) -> Ratio:

@@ -28,6 +28,7 @@ from core.interfaces import Pushes, Recording
 from core.robot.kinematics import link_frames
 from core.robot.solids import solid_geometry
 from core.scene import Scene
+from core.solids.tracks import Track
 from core.values.materials import Material
 from core.values.robots import Robot
 from plugins.results.workshop.motion import Sampled
@@ -35,9 +36,6 @@ from plugins.results.workshop.tracks import robot_tracks
 
 HARDEST = 10
 """Instants with the largest forces on the tool, and with the largest moments; and for each body one more."""
-
-NEAR_M = 0.005
-"""Of a contact point to the bounding boxes of components that may have it."""
 
 WEIGHT = "its weight"
 _DOT = solid_geometry(Sphere(1e-6))
@@ -243,15 +241,8 @@ class _Parts:
 
     def _load(self, sample: int, body: str, point: Array, force: Array) -> Load:
         """Find the component that has a contact point in the world, and what loads it."""
-        gaps = []
-        for track in self._tracks:
-            local = (point - track.middles[sample]) @ track.rotations[sample]
-            beyond = np.maximum(np.abs(local) - track.box, 0)
-            gaps.append(float(np.linalg.norm(beyond)))
-
-        near = [i for i, gap in enumerate(gaps) if gap <= min(gaps) + NEAR_M]
-        part = self.tool.parts[min(near, key=lambda i: self._gap(i, sample, point))]
-
+        gaps = [self._gap(track, sample, point) for track in self._tracks]
+        part = self.tool.parts[int(np.argmin(gaps))]
         turned, moved = self.frames[part.bearer]
         rest = self._rest[part.bearer]
         to_bearer = turned[sample].T
@@ -260,14 +251,11 @@ class _Parts:
 
         return Load(body, part.component, place, turned_force)
 
-    def _gap(self, number: int, sample: int, point: Array) -> float:
+    def _gap(self, track: Track, sample: int, point: Array) -> float:
         """How far a point is from the surface of a part."""
-        track = self._tracks[number]
-        place = track.at(sample)
         dot = coal.Transform3s(np.eye(3), point)
-        request = coal.DistanceRequest()
-        result = coal.DistanceResult()
-        gap = coal.distance(track.geometry, place, _DOT, dot, request, result)
+        between = (track.geometry, track.at(sample), _DOT, dot)
+        gap = coal.distance(*between, coal.DistanceRequest(), coal.DistanceResult())
 
         return abs(float(gap))
 

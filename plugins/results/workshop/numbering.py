@@ -71,29 +71,26 @@ def _find_place(
         A frame (4, 4): z points out of the side, x along it.
     """
     normal = mesh.facets_normal[side]
-    turned = np.linalg.inv(trimesh.geometry.align_vectors(normal, [0, 0, 1]))
-    origin = mesh.facets_origin[side]
-    triangles = (mesh.triangles[mesh.facets[side]] - origin) @ turned[:3, :3]
-    if np.ptp(triangles[..., 2]) > FLAT_MM:
+    to_side = trimesh.geometry.plane_transform(mesh.facets_origin[side], normal)
+    corners = mesh.triangles[mesh.facets[side]].reshape(-1, 3)
+    corners = trimesh.transform_points(corners, to_side)
+    if np.ptp(corners[:, 2]) > FLAT_MM:
         return None
 
-    flat = manifold3d.CrossSection(
-        [triangle[:, :2] for triangle in triangles], manifold3d.FillRule.NonZero
-    )
+    triangles = list(corners[:, :2].reshape(-1, 3, 2))
+    flat = manifold3d.CrossSection(triangles, manifold3d.FillRule.NonZero)
     outlines = flat.offset(-radius, manifold3d.JoinType.Round).to_polygons()
     if not outlines:
         return None
 
-    parts = manifold3d.triangulate(outlines)
-    inside = np.vstack(outlines)[parts]
+    inside = np.vstack(outlines)[manifold3d.triangulate(outlines)]
     edges = inside[:, 1:] - inside[:, :1]
     widest = int(np.abs(np.linalg.det(edges)).argmax())
-    middle = np.array([*inside[widest].mean(axis=0), 0.0])
-
-    frame = np.eye(4)
-    frame[:3, :3] = turned[:3, :3]
-    frame[:3, 3] = turned[:3, :3] @ middle + origin
+    middle = [*inside[widest].mean(axis=0), 0.0]
+    to_middle = trimesh.transformations.translation_matrix(middle)
+    frame: Array = np.linalg.inv(to_side) @ to_middle
     place = frame[:3, 3]
+
     if solid.ray_cast(place + 0.01 * normal, place + FREE_MM * normal):
         return None
 

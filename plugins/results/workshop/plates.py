@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 import trimesh
+from trimesh.path.packing import rectangles_single
 
 from core.values.printers import Printer
 from plugins.results.workshop.printing import PrintedPart
@@ -23,43 +25,34 @@ class Plate:
         parts: with the middle of each (x, y), from the plate's front left corner.
     """
 
-    parts: list[tuple[PrintedPart, tuple[float, float]]] = field(default_factory=list)
+    parts: list[tuple[PrintedPart, tuple[float, float]]]
 
 
 def arrange(parts: Sequence[PrintedPart], printer: Printer) -> list[Plate]:
-    """Lay parts in rows, the deepest first, on as few plates as that takes; what is too large lies alone.
+    """Lay parts beside each other on as few plates as that takes; what is too large lies alone.
 
     Args:
         parts: as they lie.
         printer: whose plate it is.
     """
-    width, depth, _ = printer.plate_mm
-    plates: list[Plate] = []
-    left = front = row = 0.0
-    for part in sorted(parts, key=lambda part: (-part.lying.size[1], part.name)):
-        wide, deep, _ = part.lying.size
-        if plates and left + wide > width:
-            left, front, row = 0.0, front + row + APART_MM, 0.0
-        if not plates or front + deep > depth or left + wide > width:
-            plates.append(Plate())
-            left = front = row = 0.0
+    room = np.array(printer.plate_mm[:2])
+    waiting = list(parts)
+    plates = []
+    while waiting:
+        sizes = np.array([part.lying.size[:2] for part in waiting]) + APART_MM
+        bounds, fits = rectangles_single(sizes, room + APART_MM, rotate=False)
+        if not fits.any():
+            fits[0] = True
+            bounds = np.array([[[0.0, 0.0], sizes[0]]])
 
-        plates[-1].parts.append((part, (left + wide / 2, front + deep / 2)))
-        left += wide + APART_MM
-        row = max(row, deep)
+        middle = (bounds.min(axis=(0, 1)) + bounds.max(axis=(0, 1))) / 2
+        middles = bounds.mean(axis=1) + room / 2 - middle
+        chosen = list(compress(waiting, fits))
+        pairs = zip(chosen, middles.tolist(), strict=True)
+        plates.append(Plate([(part, (x, y)) for part, (x, y) in pairs]))
+        waiting = [part for part in waiting if part not in chosen]
 
-    return [_center(plate, width, depth) for plate in plates]
-
-
-def _center(plate: Plate, width: float, depth: float) -> Plate:
-    """Move all parts of a plate, so that they lie around its middle."""
-    middles = np.array([middle for _, middle in plate.parts])
-    halves = np.array([part.lying.size[:2] for part, _ in plate.parts]) / 2
-    low = (middles - halves).min(axis=0)
-    high = (middles + halves).max(axis=0)
-    moved = middles + np.array([width, depth]) / 2 - (low + high) / 2
-    pairs = zip(plate.parts, moved.tolist(), strict=True)
-    return Plate([(part, (x, y)) for (part, _), (x, y) in pairs])
+    return plates
 
 
 def to_3mf(plates: Sequence[Plate], printer: Printer) -> bytes:

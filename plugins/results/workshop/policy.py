@@ -13,15 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.design import DesignError, Tool
+from core.design import Candidate, DesignError, Tool
 from core.geometry import Array, Pose
 from core.interfaces import (
     Begin,
-    Feel,
     Guard,
     JointTrajectory,
     Look,
     Motion,
+    Robot,
     RolloutSettings,
     Sighted,
     Task,
@@ -30,8 +30,9 @@ from core.interfaces import (
 )
 from core.robot.feeling import Watch
 from core.robot.kinematics import Arm, arm_of
-from core.robot.trajectory import plan_task_motion
-from core.solids.self_collision import find_self_collision
+from core.scene import Scene
+from core.simulation.attempt import plan_on
+from core.trial import Part
 from plugins.results.workshop.motion import STEP_S, Sampled, sample
 
 Resolve = Callable[[tuple[Pose | None, ...], tuple[Sighted, ...]], Waypoints]
@@ -93,47 +94,43 @@ class Stopped(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Limits:
-    """How the moves of a plan are planned, and what refuses them.
+class ExportedPlan:
+    """A plan that feels or looks, as it is exported, to be carried out by any arm or engine.
 
     Attributes:
-        task: has the robot.
-        tool: that it holds.
+        task: the part that makes it, with the robot.
+        candidate: the tool and the plan.
+        layout: its seed; fixed bodies and marks stand as there, unless they are seen elsewhere.
         settings: how plans are executed.
         rate_hz: of the samples.
         speed: the share of the planned speed.
     """
 
-    task: Task
-    tool: Tool
+    task: Part[Task]
+    candidate: Candidate
+    layout: int
     settings: RolloutSettings
     rate_hz: float
     speed: float = 1.0
 
     @property
-    def arm(self) -> Arm:
-        return arm_of(self.task.robot)
+    def tool(self) -> Tool:
+        """What the arm holds."""
+        assert self.candidate.tool is not None
+        return self.candidate.tool
 
     @property
-    def feel(self) -> Feel:
-        return self.settings.feel
+    def robot(self) -> Robot:
+        return self.task.shared().robot
 
-    def plan(self, waypoints: Waypoints, begin: Begin | None) -> Motion:
-        """Plan the motion through waypoints.
+    @property
+    def arm(self) -> Arm:
+        return arm_of(self.robot)
 
-        Raises:
-            DesignError: no tempo keeps the arm's limits, or it drives the arm through itself, which is forbidden.
-        """
-        motion = plan_task_motion(waypoints, self.task, self.settings, begin)
-        if self.settings.penetration != "forbid":
-            return motion
-
-        robot = self.task.robot
-        collision = find_self_collision(robot, self.tool, motion.trajectory)
-        if collision is not None:
-            raise DesignError(collision.describe(motion.arrivals))
-
-        return motion
+    @property
+    def scene(self) -> Scene:
+        """The layout for which it was exported."""
+        return self.task.shared().scene(self.layout).furnished(self.tool)
 
     def sample(self, trajectory: JointTrajectory) -> Sampled:
         """Sample a motion for the arm."""
@@ -159,7 +156,7 @@ class Policy:
 
     Args:
         resolve: says what the plan means.
-        limits: how moves are planned.
+        exported: how moves are planned.
 
     Attributes:
         problem: why the rest could not be planned; the plan ended there.
@@ -168,13 +165,13 @@ class Policy:
         seconds: how long the moves take, all together.
     """
 
-    def __init__(self, resolve: Resolve, limits: Limits) -> None:
+    def __init__(self, resolve: Resolve, exported: ExportedPlan) -> None:
         self.problem: str | None = None
         self.felt: tuple[Pose | None, ...] = ()
         self.looks: tuple[Sighted, ...] = ()
         self.seconds = 0.0
         self._resolve = resolve
-        self._limits = limits
+        self._exported = exported
         self._done = 0  # waypoints
         self._begin: Begin | None = None
         self._wait_s = 0.0
@@ -204,7 +201,7 @@ class Policy:
 
         reached = None
         if stopped is not None:
-            reached = self._limits.arm.forward(stopped.joints)
+            reached = self._exported.arm.forward(stopped.joints)
             self._wait_s = float(self._tempo.waits[first + len(move.arrivals) - 1])
 
         self.felt = (*self.felt, reached)
@@ -245,13 +242,13 @@ class Policy:
             joints = stopped.joints
             fingers = float(trajectory.sample(np.array([stopped.time]))[1][0])
 
-        opening = self._limits.task.robot.opening_m
+        opening = self._exported.robot.opening_m
         grip = 1 - fingers / opening if opening else 0.0
         return Begin(joints, grip)
 
     def _plan_move(self) -> Move:
         """Plan the way through the next waypoints, up to one with a guard."""
-        limits = self._limits
+        exported = self._exported
         waypoints = self._waypoints
         guards = waypoints.guards or (None,) * len(waypoints)
         numbers = range(self._done, len(waypoints))
@@ -259,13 +256,17 @@ class Policy:
         part = slice(self._done, last + 1)
         tempo = {name: array[part] for name, array in vars(self._tempo).items()}
 
-        motion = limits.plan(
-            Waypoints(waypoints.poses[part], Tempo(**tempo)), self._begin
+        motion = plan_on(
+            exported.task.shared(),
+            exported.tool,
+            exported.settings,
+            Waypoints(waypoints.poses[part], Tempo(**tempo)),
+            self._begin,
         )
         wait_s = self._wait_s
         self._wait_s = 0.0
-        samples = limits.sample(_wait_first(motion.trajectory, wait_s))
-        limits.check_time(self.seconds + samples.trajectory.duration)
+        samples = exported.sample(_wait_first(motion.trajectory, wait_s))
+        exported.check_time(self.seconds + samples.trajectory.duration)
 
         def when(seconds: float) -> float:
             return samples.slower * (seconds + wait_s + STEP_S)
@@ -279,7 +280,7 @@ class Policy:
         if last > self._done:
             since_s = when(float(motion.arrivals[-2] + tempo["waits"][-2]))
 
-        watch = Watch(guard, limits.arm, limits.feel)
+        watch = Watch(guard, exported.arm, exported.settings.feel)
         return Move(samples, motion, arrivals, since_s, watch)
 
 

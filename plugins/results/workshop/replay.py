@@ -12,18 +12,17 @@ from core.errors import UserError
 from core.interfaces import Condition, JointTrajectory, Recording, Rollout
 from core.robot.kinematics import arm_of
 from core.scene import Scene
-from core.simulation.engines import check_support
 from core.solids.contacts import Contacts, find_contacts, make_trace
 from core.solids.penetration import findings
 from core.support.text import number
 from core.task import reward_of
 from core.values.torques import TorqueShare, find_hardest
-from plugins.results.workshop.dry_run import DryReactions, DryRun
-from plugins.results.workshop.motion import Sampled
+from plugins.results.workshop.dry_run import DryReactions, start
+from plugins.results.workshop.policy import ExportedPlan
 
 RECORD_HZ = 100.0
 
-Playable = Sampled | JointTrajectory | DryRun
+Playable = JointTrajectory | ExportedPlan
 
 
 class Unplayable(UserError):
@@ -82,22 +81,26 @@ def play_motion(
     """
     task = condition.task.shared()
     settings = condition.settings
-    course, reactions = _begin(motion, scene, tool)
-    job = Rollout(
-        tool,
-        course,
-        condition.layout,
-        settings.settle_s,
-        hold_s=max(settings.hold_s, task.hold_s),
-        record_hz=RECORD_HZ,
-        forces=True,
-        reactions=reactions,
-        scene=scene,
-    )
-    if reactions is not None:
-        _check_engine(condition, scene, job)
+    reactions = None
+    try:
+        if isinstance(motion, ExportedPlan):
+            reactions = start(motion, scene, tool)
+            motion = reactions.begin()
+        job = Rollout(
+            tool,
+            motion,
+            condition.layout,
+            settings.settle_s,
+            hold_s=max(settings.hold_s, task.hold_s),
+            record_hz=RECORD_HZ,
+            forces=True,
+            reactions=reactions,
+            scene=scene,
+        )
+        (outcome,) = condition.sim.shared().rollout(task, [job])
+    except DesignError as error:
+        raise Unplayable(f"the exported motion can't be played: {error}") from error
 
-    (outcome,) = condition.sim.shared().rollout(task, [job])
     recording = outcome.recording
     if outcome.error is not None:
         raise Unplayable(f"the exported motion can't be played: {outcome.error}")
@@ -106,11 +109,11 @@ def play_motion(
             "the exported motion can't be played: the engine returned no recording"
         )
 
-    start = scene.complete(outcome.start)
+    first = scene.complete(outcome.start)
     end = scene.complete(outcome.end)
     contacts = find_contacts(scene, task.robot, tool, recording)
     trace = make_trace(scene, contacts)[None] if task.reads_trace else None
-    reward = float(np.asarray(reward_of(task, start[None], end[None], trace))[0])
+    reward = float(np.asarray(reward_of(task, first[None], end[None], trace))[0])
 
     seen = findings(scene, task.robot, tool, recording)
     problems = tuple(finding.text for finding in seen if finding.penetration)
@@ -140,38 +143,3 @@ def _find_first_contact(contacts: Contacts) -> float | None:
         ),
         default=None,
     )
-
-
-def _check_engine(condition: Condition, scene: Scene, job: Rollout) -> None:
-    """Refuse a plan that an engine can't play.
-
-    Raises:
-        Unplayable: names what it can't do.
-    """
-    try:
-        check_support(condition.sim.shared(), condition.task.name, scene, job)
-    except DesignError as error:
-        raise Unplayable(str(error)) from error
-
-
-def _begin(
-    motion: Playable, scene: Scene, tool: Tool
-) -> tuple[JointTrajectory, DryReactions | None]:
-    """Return the trajectory that a motion begins with, and what changes it on the way.
-
-    Raises:
-        Unplayable: the plan means nothing in this scene.
-    """
-    match motion:
-        case Sampled():
-            return motion.trajectory, None
-        case DryRun():
-            reactions = motion.start(scene, tool)
-            try:
-                return reactions.begin(), reactions
-            except DesignError as error:
-                raise Unplayable(
-                    f"the exported plan can't be played: {error}"
-                ) from error
-
-    return motion, None

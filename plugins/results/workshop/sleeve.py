@@ -150,19 +150,14 @@ def _sheets(finger: Finger, low: Array, high: Array, wall: float) -> list[Placed
     """
     sheets = []
     for axis in range(3):
-        for end in (-1, 1):
+        for end, edge in ((-1, low), (1, high)):
             if end * finger.tip[axis] < 0:
                 continue
 
             first = low.copy()
             last = high.copy()
-            if end > 0:
-                first[axis] = high[axis]
-                last[axis] = high[axis] + wall
-            else:
-                first[axis] = low[axis] - wall
-                last[axis] = low[axis]
-
+            ends = sorted([edge[axis], edge[axis] + end * wall])
+            first[axis], last[axis] = ends
             sheets.append(box(first, last))
 
     return sheets

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import re
 import shutil
-import signal
 import subprocess
 import tempfile
 from collections.abc import Sequence
@@ -28,7 +25,6 @@ from plugins.results.workshop.texts import filled
 
 UNASKED = "no slicer was asked what printing takes: slice=prusa-slicer (apt-get install prusa-slicer)"
 LIMIT_S = 900.0  # for a plate
-FILAMENT_MM2 = 2.405  # the section of a filament of 1.75 mm
 LINE_MM = 0.45  # the width of a line of a nozzle of 0.4 mm
 MOST_BYTES = 400_000_000  # of a file of toolpaths
 
@@ -57,21 +53,16 @@ class Sliced:
     warnings: tuple[str, ...]
 
 
-def find_slicer(name: str, program: str = "") -> Path:
-    """Find a slicer's program.
-
-    Args:
-        name: of the program, on the PATH.
-        program: its file; empty: it is looked for.
+def find_slicer(program: str) -> Path:
+    """Find a slicer's program, by its name on the PATH or by its file.
 
     Raises:
         UserError: it isn't there.
     """
-    found = shutil.which(program or name)
+    found = shutil.which(program)
     if found is None:
-        where = f"slicer={program}" if program else f"{name} is not on the PATH"
         raise UserError(
-            f"{where}: no such program; install one (apt-get install prusa-slicer), or name its file in slicer=FILE"
+            f"{program}: no such program; install one (apt-get install prusa-slicer), or name its file in slicer=FILE"
         )
 
     return Path(found)
@@ -113,10 +104,8 @@ def slice_plates(
             file.write_bytes(to_3mf([plate], printer))
             paths = folder / "plate.gcode"
             paths.unlink(missing_ok=True)
-            command = [slicer, "--export-gcode", *words, "--dont-arrange"]
-            said = _run(
-                [*map(str, command), "-o", str(paths), str(file)], folder, limit_s
-            )
+            options = ["--export-gcode", *words, "--dont-arrange", "-o", str(paths)]
+            said = _run([str(slicer), *options, str(file)], folder, limit_s)
             names = tuple(part.name for part, _ in plate.parts)
             found.append(_read(slicer, paths, said, names))
 
@@ -136,44 +125,35 @@ def write_profile(printer: Printer, material: Material) -> str:
 
 
 def _run(command: Sequence[str], folder: Path, limit_s: float) -> str:
-    """Run a slicer, and return what it said; its whole group ends with it.
+    """Run a slicer, and return what it said.
 
     Raises:
         UserError: it fails, or does not end.
     """
     name = Path(command[0]).name
-    with (folder / "said.txt").open("w+b") as output:
-        try:
-            process = subprocess.Popen(  # noqa: S603
-                command,
-                cwd=folder,
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=output,
-                start_new_session=True,
-            )
-        except OSError as error:
-            raise UserError(f"{command[0]} can't be run: {error}") from error
+    try:
+        done = subprocess.run(  # noqa: S603
+            command,
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            encoding="utf-8",
+            errors="replace",
+            timeout=limit_s,
+        )
+    except OSError as error:
+        raise UserError(f"{command[0]} can't be run: {error}") from error
+    except subprocess.TimeoutExpired as error:
+        raise UserError(
+            f"{name} has not sliced a plate in {limit_s:g} s, and was ended"
+        ) from error
 
-        try:
-            process.wait(limit_s)
-        except subprocess.TimeoutExpired as error:
-            raise UserError(
-                f"{name} has not sliced a plate in {limit_s:g} s, and was ended"
-            ) from error
-        finally:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
+    if done.returncode != 0:
+        last = clean(done.stdout.strip()[-300:], 300)
+        raise UserError(f"{name} failed with status {done.returncode}: {last}")
 
-        output.seek(0)
-        said = output.read(100_000).decode("utf-8", "replace")
-
-    if process.returncode != 0:
-        last = clean(said.strip()[-300:], 300)
-        raise UserError(f"{name} failed with status {process.returncode}: {last}")
-
-    return said
+    return done.stdout
 
 
 def _read(slicer: Path, paths: Path, said: str, names: tuple[str, ...]) -> Sliced:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,6 +31,7 @@ from plugins.results.workshop.loads import (
 )
 from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.replay import PlayedMotion
+from plugins.results.workshop.tool import PrintedTool
 
 
 @dataclass(frozen=True)
@@ -66,52 +68,39 @@ class Strength:
     moved: tuple[float, ...] = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, eq=False)
-class Section:
-    """A section of a component, and what loads it.
+class Section(NamedTuple):
+    """A section of a component or of a joint between pieces, and what loads it.
 
     Attributes:
-        stress_pa: by all loads beyond it.
+        component: its name, or that of the joint.
+        parent: the component or mount that carries it.
         place: (3,), metres, in the frame of the mount.
-        beyond: the loads.
+        stress_pa: by all loads beyond it.
+        loads: those that are named: of a component, of what turns the section most.
     """
 
-    stress_pa: float
+    component: str
+    parent: str
     place: Array
-    beyond: list[Load]
-
-    def hardest(self) -> list[Load]:
-        """Return the loads of what turns the section most; none where nothing is beyond it."""
-        groups: dict[str, list[Load]] = {}
-        for load in self.beyond:
-            groups.setdefault(load.what, []).append(load)
-
-        return max(groups.values(), key=self._moment, default=[])
-
-    def _moment(self, loads: Sequence[Load]) -> float:
-        turns = [np.cross(load.point - self.place, load.force) for load in loads]
-        return float(np.linalg.norm(sum(turns)))
+    stress_pa: float
+    loads: Sequence[Load]
 
 
 def measured(
-    tool: Tool,
+    printed: PrintedTool,
     robot: Robot,
-    material: Material,
     scene: Scene,
     motion: Sampled,
     replays: Mapping[str, PlayedMotion],
-    joints: Sequence[Joint] = (),
 ) -> list[Strength]:
     """Find the worst that a motion does to a tool, where it was played in engines and by its weight alone.
 
     Args:
-        tool: as it was simulated.
+        printed: the tool, with its joints between pieces.
         robot: the arm.
-        material: of the tool.
         scene: its bodies.
         motion: as it is exported.
         replays: the motion in each engine, by the engine's name.
-        joints: between the pieces that components were cut into.
 
     Returns:
         For each component and joint that carries something the largest stress.
@@ -120,6 +109,8 @@ def measured(
         UserError: an engine does not tell where forces act.
         DesignError: a component does not touch its parent.
     """
+    tool = printed.tool
+    material = printed.material
     pulls = weights(tool, robot, motion)
     hardest = {int(np.linalg.norm(pull.forces, axis=1).argmax()) for pull in pulls}
 
@@ -142,7 +133,7 @@ def measured(
             loads = [*pulled(sample), *found.loads]
             instants[name].append(Instant(found.time_s, loads))
 
-    return strength(tool, robot, material, instants, joints)
+    return strength(tool, robot, material, instants, printed.joints)
 
 
 def strength(
@@ -165,18 +156,18 @@ def strength(
         DesignError: a component does not touch its parent.
     """
     beams = Beams(tool, check_contacts(tool, robot), material)
-    most_pa = material.strength_pa
     worst: dict[str, Strength] = {}
     for engine, of_engine in instants.items():
         for instant in of_engine:
-            rows = chain(
-                _stresses(tool, beams, most_pa, engine, instant),
-                _joint_stresses(joints, beams, most_pa, engine, instant),
+            sections = chain(
+                _list_sections(tool, beams, instant.loads),
+                _list_joints(joints, beams, instant.loads),
             )
-            for row in rows:
-                known = worst.get(row.component)
-                if known is None or row.stress_pa > known.stress_pa:
-                    worst[row.component] = row
+            for section in sections:
+                known = worst.get(section.component)
+                if known is None or section.stress_pa > known.stress_pa:
+                    row = _describe(section, beams, engine, instant.time_s)
+                    worst[section.component] = row
 
     names = [component.name for component in tool.components]
     names += [joint.name for joint in joints]
@@ -184,23 +175,52 @@ def strength(
     return [worst[name] for name in names if name in worst]
 
 
-def _stresses(
-    tool: Tool, beams: Beams, most_pa: float | None, engine: str, instant: Instant
-) -> Iterator[Strength]:
-    """Estimate what loads that act at once do to each component that carries one.
+def _describe(section: Section, beams: Beams, engine: str, time_s: float) -> Strength:
+    """Say what loads do to a section.
+
+    Args:
+        section: with its loads.
+        beams: the tool's components.
+        engine: where the loads were measured.
+        time_s: when.
+    """
+    hardest = max(section.loads, key=lambda load: np.linalg.norm(load.force))
+    force = np.sum([load.force for load in section.loads], axis=0)
+    newtons = float(np.linalg.norm(force))
+    softness = beams.bend(hardest.component, hardest.point)[0]
+
+    most_pa = beams.material.strength_pa
+    safety = None
+    if most_pa is not None and section.stress_pa > 0:
+        safety = most_pa / section.stress_pa
+
+    return Strength(
+        component=section.component,
+        parent=section.parent,
+        load=hardest.what,
+        newtons=newtons,
+        engine="" if hardest.what == WEIGHT else engine,
+        time_s=time_s,
+        lever_m=float(np.linalg.norm(hardest.point - section.place)),
+        stress_pa=section.stress_pa,
+        safety=safety,
+        bend_m=newtons * softness,
+        bearer=hardest.component,
+        place=tuple(hardest.point.tolist()),
+        moved=tuple((force * softness).tolist()),
+    )
+
+
+def _list_sections(
+    tool: Tool, beams: Beams, loads: Sequence[Load]
+) -> Iterator[Section]:
+    """Yield the weakest section of each component that carries loads which act at once.
 
     The moments of all loads beyond a section add up as vectors, so that loads that oppose each other do so here.
     Sections are looked at where a component is held, and where a load acts on it or comes from what it carries.
-
-    Args:
-        tool: as it was simulated.
-        beams: its components as beams.
-        most_pa: the material's strength; None: it has none.
-        engine: where the loads were measured.
-        instant: the loads.
     """
     carried: dict[str, list[tuple[Load, Beam]]] = {}
-    for load in instant.loads:
+    for load in loads:
         last = beams.beam(load.component, load.point)
         for carrier, beam in [*beams.chains[load.component], (load.component, last)]:
             carried.setdefault(carrier, []).append((load, beam))
@@ -209,81 +229,45 @@ def _stresses(
         if component.name not in carried:
             continue
 
-        section = _find_weakest(carried[component.name])
-        loads = section.hardest()
-        if not loads:
-            continue
-
-        hardest = max(loads, key=lambda load: np.linalg.norm(load.force))
-        force = np.sum([load.force for load in loads], axis=0)
-        newtons = float(np.linalg.norm(force))
-        softness = beams.bend(hardest.component, hardest.point)[0]
-        safety = None
-        if most_pa is not None and section.stress_pa > 0:
-            safety = most_pa / section.stress_pa
-
-        yield Strength(
-            component=component.name,
-            parent=component.parent,
-            load=hardest.what,
-            newtons=newtons,
-            engine="" if hardest.what == WEIGHT else engine,
-            time_s=instant.time_s,
-            lever_m=float(np.linalg.norm(hardest.point - section.place)),
-            stress_pa=section.stress_pa,
-            safety=safety,
-            bend_m=newtons * softness,
-            bearer=hardest.component,
-            place=tuple(hardest.point.tolist()),
-            moved=tuple((force * softness).tolist()),
-        )
+        stress, place, beyond = _find_weakest(carried[component.name])
+        hardest = _choose_hardest(beyond, place)
+        if hardest:
+            yield Section(component.name, component.parent, place, stress, hardest)
 
 
-def _joint_stresses(
-    joints: Sequence[Joint],
-    beams: Beams,
-    most_pa: float | None,
-    engine: str,
-    instant: Instant,
-) -> Iterator[Strength]:
-    """Estimate what loads that act at once do to each joint that carries one: to its tongue, or to its socket's walls.
+def _choose_hardest(loads: Sequence[Load], place: Array) -> Sequence[Load]:
+    """Return the loads of what turns a section most."""
+    groups: dict[str, list[Load]] = {}
+    for load in loads:
+        groups.setdefault(load.what, []).append(load)
 
-    Args:
-        joints: between pieces.
-        beams: the tool's components as beams.
-        most_pa: the material's strength; None: it has none.
-        engine: where the loads were measured.
-        instant: the loads.
-    """
+    def turn(of_one: Sequence[Load]) -> float:
+        return float(np.linalg.norm(_moment(of_one, place)))
+
+    return max(groups.values(), key=turn, default=[])
+
+
+def _moment(loads: Sequence[Load], place: Array) -> Array:
+    """Add up the moments (3,) of loads about a place (3,)."""
+    moments = [np.cross(load.point - place, load.force) for load in loads]
+    return np.asarray(np.sum(moments, axis=0))
+
+
+def _list_joints(
+    joints: Sequence[Joint], beams: Beams, loads: Sequence[Load]
+) -> Iterator[Section]:
+    """Yield the joints between pieces that carry loads, by their tongues, or by their sockets' walls."""
     for joint in joints:
-        loads = [load for load in instant.loads if _is_beyond(joint, load, beams)]
-        if not loads:
+        beyond = [load for load in loads if _is_beyond(joint, load, beams)]
+        if not beyond:
             continue
 
-        force = np.sum([load.force for load in loads], axis=0)
-        moments = [np.cross(load.point - joint.place, load.force) for load in loads]
-        about = np.abs(np.sum(moments, axis=0) @ joint.frame[:3, :3])
+        about = np.abs(_moment(beyond, joint.place) @ joint.frame[:3, :3])
         about_x, about_y = (1e-9 * modulus for modulus in joint.moduli_mm3)
         stress = about[0] / about_x + about[1] / about_y
         stress += about[2] / (about_x + about_y)
 
-        hardest = max(loads, key=lambda load: np.linalg.norm(load.force))
-        softness = beams.bend(hardest.component, hardest.point)[0]
-        yield Strength(
-            component=joint.name,
-            parent=joint.component,
-            load=hardest.what,
-            newtons=float(np.linalg.norm(force)),
-            engine="" if hardest.what == WEIGHT else engine,
-            time_s=instant.time_s,
-            lever_m=float(np.linalg.norm(hardest.point - joint.place)),
-            stress_pa=float(stress),
-            safety=None if most_pa is None or stress <= 0 else float(most_pa / stress),
-            bend_m=float(np.linalg.norm(force)) * softness,
-            bearer=hardest.component,
-            place=tuple(hardest.point.tolist()),
-            moved=tuple((force * softness).tolist()),
-        )
+        yield Section(joint.name, joint.component, joint.place, float(stress), beyond)
 
 
 def _is_beyond(joint: Joint, load: Load, beams: Beams) -> bool:
@@ -310,11 +294,16 @@ def _is_beyond(joint: Joint, load: Load, beams: Beams) -> bool:
     return side(point) != side(beams.joints[name])
 
 
-def _find_weakest(carried: Sequence[tuple[Load, Beam]]) -> Section:
+def _find_weakest(
+    carried: Sequence[tuple[Load, Beam]],
+) -> tuple[float, Array, list[Load]]:
     """Find the section of a component that bears most.
 
     Args:
         carried: the N loads that it carries, each with the beam that leads to it within the component.
+
+    Returns:
+        Its stress, its place (3,), and the loads beyond it.
     """
     loads = [load for load, _ in carried]
     beams = [beam for _, beam in carried]
@@ -330,13 +319,13 @@ def _find_weakest(carried: Sequence[tuple[Load, Beam]]) -> Section:
     beyond_starts = along / lengths > POINT_M
     beyond_stops = along / lengths >= lengths - POINT_M
 
-    weakest = Section(-1.0, starts[0], [])
+    weakest = (-1.0, starts[0], list[Load]())
     for places, beyond in ((starts, beyond_starts), (stops, beyond_stops)):
         moments = beyond @ turning - np.cross(places, beyond @ forces)
         stress = weak * np.linalg.norm(moments, axis=1)
         k = int(stress.argmax())
-        if stress[k] > weakest.stress_pa:
+        if stress[k] > weakest[0]:
             counted = [loads[i] for i in np.flatnonzero(beyond[k])]
-            weakest = Section(float(stress[k]), places[k], counted)
+            weakest = (float(stress[k]), places[k], counted)
 
     return weakest

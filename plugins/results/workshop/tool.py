@@ -10,14 +10,12 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import trimesh
-
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.support.cli import write_bytes
 from core.values.materials import Material
 from core.values.printers import Printer
 from core.values.robots import Robot
-from plugins.results.workshop.body import Body, check_apart, check_faithful, fuse
+from plugins.results.workshop.body import Body, check_apart, fuse
 from plugins.results.workshop.cutting import Pieces, cut_to_fit, find_pieces
 from plugins.results.workshop.flange import at_flange
 from plugins.results.workshop.joints import SCREWS, Joint
@@ -33,9 +31,8 @@ from plugins.results.workshop.printing import (
 )
 from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.sleeve import CORE_MM, on_finger
-from plugins.results.workshop.solid import ToolLink, links_of, manifold
+from plugins.results.workshop.solid import ToolLink, links_of
 
-SAME_FILE = 0.001  # of its volume, by which a part read back from its file may differ
 SAME_WEIGHT = 0.2
 
 
@@ -131,7 +128,7 @@ def make_tool(
     hardware = list[str]()
     for body in fitted:
         added += weighed(body.mount, body.link, taken, material)
-        checks += [*body.mount.checks, check_faithful(body)]
+        checks += body.mount.checks
         hardware += body.mount.hardware
 
     screws = Counter(joint.screw for joint in joints)
@@ -146,8 +143,7 @@ def make_tool(
     for link in links:
         if link.joint is not None:
             to_make = f"the {link.joint.kind} is to be made by the workshop"
-            mend = "each of its links is a closed body of its own"
-            checks.append(Check("joint", None, to_make, mend, link.name))
+            checks.append(Check("joint", None, to_make, part=link.name))
 
     bearers = {name: body.link.bearer for body in fitted for name in body.link.names}
     added += [joint.as_component(bearers[joint.component]) for joint in joints]
@@ -242,39 +238,18 @@ def _mount(robot: Robot, link: ToolLink, fit: Fit, solid: Any) -> Mount:
     return Mount(solid)
 
 
-def write_tool(
-    printed_tool: PrintedTool, folder: Path, printer: Printer
-) -> PrintedTool:
+def write_tool(printed_tool: PrintedTool, folder: Path, printer: Printer) -> None:
     """Write an STL file of each part, and a 3MF file of all as they lie on plates; of several plates each one, too.
-
-    Returns:
-        The tool with a check of the files.
 
     Raises:
         UserError: a file can't be written.
     """
-    if not printed_tool.parts:
-        return printed_tool
-
-    # What a part and its file don't share, as a share of the part: 1 or more where the file isn't closed.
-    most = 0.0
     for part in printed_tool.parts:
-        file = folder / part.file
-        write_bytes(file, to_stl(part))
-        written = manifold(trimesh.load_mesh(file).apply_transform(part.to_mount))
-        excess = (written - part.solid).volume()
-        lack = (part.solid - written).volume()
-        most = max(most, float((excess + lack) / part.solid.volume()))
+        write_bytes(folder / part.file, to_stl(part))
 
-    differ = f"STL files differ from the parts by up to {most:.2%} in volume"
-    mend = "write them again; if it stays, thicken what is thinner than a nozzle"
-    same = Check("files read back", most <= SAME_FILE, differ, mend)
-
-    if not printed_tool.material.is_metal:
+    if printed_tool.parts and not printed_tool.material.is_metal:
         plates = arrange(printed_tool.parts, printer)
         write_bytes(folder / "tool.3mf", to_3mf(plates, printer))
         for number, plate in enumerate(plates, 1):
             if len(plates) > 1:
                 write_bytes(folder / f"plate_{number}.3mf", to_3mf([plate], printer))
-
-    return printed_tool.with_checks(same)

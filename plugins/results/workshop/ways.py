@@ -8,13 +8,14 @@ import numpy as np
 from omegaconf import DictConfig
 
 from core.geometry import Array
-from core.interfaces import Motion, Recording, Robot
+from core.interfaces import JointTrajectory, Recording, Robot
 from core.robot.kinematics import arm_of
 from core.solids.self_collision import DEEP_M
 from plugins.results.workshop.clearance import HZ, clearance
 from plugins.results.workshop.export import Export
 from plugins.results.workshop.motion import STEP_S, Sampled, approach, cut, sample
 from plugins.results.workshop.printing import Check
+from plugins.results.workshop.stage import PlayedDesign
 
 NEAR_M = 0.005
 """To anything, on a way that is free."""
@@ -23,47 +24,43 @@ SLOW = 0.2
 """Of the speed: the first run on the arm."""
 
 
-def sample_moves(cfg: DictConfig, robot: Robot, planned: Motion) -> dict[str, Sampled]:
-    """Sample the motion, as it is asked for and slowly, with the ways to its start and back from its end."""
-    arm = arm_of(robot)
-    motion = sample(planned.trajectory, arm, cfg.rate_hz, cfg.speed)
-    start = np.array(list(cfg.start) or robot.home, dtype=np.float64)
-    first = motion.positions[0]
-    last = motion.positions[-1]
-    opening = motion.fingers.tolist()
-
-    return {
-        "approach": approach(start, first, opening[0], arm, cfg.rate_hz),
-        "retreat": approach(last, start, opening[-1], arm, cfg.rate_hz),
-        "trajectory": motion,
-        "trajectory_slow": sample(
-            planned.trajectory, arm, cfg.rate_hz, min(SLOW, cfg.speed)
-        ),
-    }
-
-
-def sample_before(
-    cfg: DictConfig, robot: Robot, planned: Motion, contact_s: float
+def sample_moves(
+    cfg: DictConfig, robot: Robot, played: PlayedDesign, contact_s: float | None
 ) -> dict[str, Sampled]:
-    """Sample the motion slowly up to the last rest before contact.
+    """Return a motion, the ways to its start and back from its end, and it slowly, by the names of their files.
 
     Args:
         cfg: the settings of the command.
         robot: that moves.
-        planned: the motion as it was simulated.
-        contact_s: when something is touched first, s of the planned motion.
-
-    Returns:
-        The motion by the name of its file; nothing where the arm does not rest before.
+        played: the motion.
+        contact_s: when something is touched first, s; up to the last rest before, the motion is sampled slowly, too.
     """
     arm = arm_of(robot)
-    before = cut(planned.trajectory, planned.arrivals, contact_s - STEP_S, arm)
-    if before is None:
-        return {}
+    motion = played.motion
+    start = np.array(list(cfg.start) or robot.home, dtype=np.float64)
+    first = motion.positions[0]
+    last = motion.positions[-1]
+    opening = motion.fingers.tolist()
+    moves = {
+        "approach": approach(start, first, opening[0], arm, cfg.rate_hz),
+        "retreat": approach(last, start, opening[-1], arm, cfg.rate_hz),
+        "trajectory": motion,
+    }
+    if played.dry_run is not None:
+        return moves
 
-    slow = sample(before, arm, cfg.rate_hz, min(SLOW, cfg.speed))
+    def slowly(course: JointTrajectory) -> Sampled:
+        return sample(course, arm, cfg.rate_hz, min(SLOW, cfg.speed))
 
-    return {"trajectory_before_contact": slow}
+    planned = played.planned
+    moves["trajectory_slow"] = slowly(planned.trajectory)
+    if contact_s is not None:
+        until_s = contact_s / motion.slower - STEP_S
+        before = cut(planned.trajectory, planned.arrivals, until_s, arm)
+        if before is not None:
+            moves["trajectory_before_contact"] = slowly(before)
+
+    return moves
 
 
 def close_ways(export: Export) -> Export:

@@ -23,11 +23,11 @@ from plugins.results.workshop.carrying import (
     load_export,
 )
 from plugins.results.workshop.export_command import configured
-from plugins.results.workshop.policy import Limits, Policy
+from plugins.results.workshop.policy import Policy
 from plugins.results.workshop.texts import write_plan_programs
 from plugins.robots.arms import panda, ur10
 from tests.support.carried import TOUCH_Z, Exact, cubes, exported
-from tests.support.guarded_blocks import ABOVE, DOWN, TOOL, UP, Block
+from tests.support.guarded_blocks import ABOVE, DOWN, UP, Block
 from tests.support.seen_cubes import CUBES, HIGH, LOOK, OVER, Cubes
 
 PAYLOAD = {
@@ -78,7 +78,10 @@ def test_what_is_not_seen_is_taken_to_be_where_it_was():
         ({}, "does not see cube_1, cube_2"),
         (cubes(cube_3=(0, 0)), "'cube_3'; possible: cube_1"),
         (cubes() | {"cube_1": [0.5, 0.2, 0.02]}, "cube_1 needs x, y, z"),
-        (cubes() | {"cube_1": [0.5, 0.2, 0.02, 2, 0, 0, 0]}, "length 2, not 1"),
+        (
+            cubes() | {"cube_1": [0.5, 0.2, 0.02, 2, 0, 0, 0]},
+            "needs x, y, z and a unit quaternion",
+        ),
     ],
 )
 def test_a_function_that_says_nonsense_is_refused_before_the_arm_moves(seen, words):
@@ -133,11 +136,10 @@ def test_the_driver_of_franky_stops_where_the_guard_fires(tmp_path, monkeypatch)
 
     task = Block()
     plan = exported(task, ABOVE, DOWN)
-    limits = Limits(task, TOOL, plan.settings, 100.0)
     meaning = partial(
         resolve, plan.candidate.plan, task, 0, plan.settings, task.scene(0)
     )
-    move = Policy(meaning, limits).begin()
+    move = Policy(meaning, plan).begin()
     arm = arm_of(task.robot)
 
     class Tracker:

@@ -10,9 +10,8 @@ from core.interfaces import Perception, RolloutSettings
 from core.simulation.attempt import prepare
 from plugins.actions.anchored import AnchoredActions
 from plugins.results.workshop import policy
-from plugins.results.workshop.dry_run import DryRun
 from plugins.results.workshop.motion import Sampled
-from plugins.results.workshop.parting import describe_parting
+from plugins.results.workshop.policy import ExportedPlan
 from plugins.results.workshop.replay import play_motion
 from tests.support.engines import every_simulator, simulator
 from tests.support.guarded_blocks import ABOVE, DOWN, TOOL, UP, Block
@@ -30,9 +29,9 @@ def candidate(*steps):
 def carry_out(task, *steps, engine="mujoco", speed=1.0, **settings):
     """Carry a plan out move by move, and return what came of it."""
     settings = RolloutSettings(**settings)
-    dry_run = DryRun(Made(task), candidate(*steps), 0, settings, 100.0, speed)
+    plan = ExportedPlan(Made(task), candidate(*steps), 0, settings, 100.0, speed)
     where = condition(task, simulator(engine), settings=settings)
-    replay = play_motion(where, task.scene(0), TOOL, dry_run)
+    replay = play_motion(where, task.scene(0), TOOL, plan)
     return SimpleNamespace(replay=replay, reactions=replay.reactions)
 
 
@@ -88,32 +87,6 @@ def test_along_the_planned_path_it_is_equal_to_the_search(monkeypatch):
     trajectory = exported.motion.trajectory
     np.testing.assert_array_equal(trajectory.arm, searched.motion.trajectory.arm)
     np.testing.assert_array_equal(trajectory.times, searched.motion.trajectory.times)
-
-
-def test_where_it_parts_from_the_search_is_said():
-    task = Cubes()
-    steps = (HIGH, LOOP, LOOK)
-    where = condition(task, simulator("mujoco"))
-    played = carry_out(task, *steps).reactions
-    looked = played.looked
-
-    def describe(*seen):
-        reactions = SimpleNamespace(felt=(), looked=seen)
-        return describe_parting(where, candidate(*steps), task.scene(0), reactions)
-
-    assert describe(*looked) == ""
-    later = [look._replace(at_s=look.at_s + 0.1) for look in looked]
-    assert describe(*later) == ""
-    hidden = looked[1]._replace(hidden=("cube_1",))
-    said = describe(looked[0], hidden, looked[2])
-    assert said.startswith("differs from the search: after waypoint 2 look 2 at")
-    assert (
-        "hidden from the camera: cube_1; in the search: after waypoint 2 look 2" in said
-    )
-    assert describe(*looked[:2]).startswith("differs from the search: it ended before")
-    assert describe(*looked, looked[2]._replace(at_s=99.0)).endswith(
-        "; the search ended before"
-    )
 
 
 def test_a_guard_that_never_fires_ends_the_plan_or_goes_on():

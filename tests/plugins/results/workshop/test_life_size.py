@@ -169,7 +169,7 @@ def simulated(made):
     large = to_life(robot).inverse
     tool = found.candidate.tool
     where = condition(found.task, installed().create("sim", "mujoco"))
-    return play_motion(where, scene, tool, large.samples(found.motion))
+    return play_motion(where, scene, tool, large.trajectory(found.motion.trajectory))
 
 
 def test_the_motion_is_that_of_the_arm_itself(made, simulated):

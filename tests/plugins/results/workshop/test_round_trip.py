@@ -70,8 +70,8 @@ def test_pieces_put_together_by_the_sheet_are_the_solid_within_a_fifth_of_a_mill
     tmp_path,
 ):
     made = make_tool(PLA.made(HOOK), PANDA, PLA, MINI, Fit())
-    written = write_tool(made, tmp_path, MINI)
-    sheet = figures(written, [], installed().create("task", "BringCube"))
+    write_tool(made, tmp_path, MINI)
+    sheet = figures(made, [], installed().create("task", "BringCube"))
     whole = put_together(tmp_path, json.loads(json.dumps(sheet)))
     solid = simulated(made)
     bores = bored(made)
