@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from core.errors import UserError
+from core.errors import UserError, in_line
 from core.geometry import Array, Color
 from core.support.files import read_untrusted
 
@@ -96,7 +96,7 @@ def load_parts(data: bytes, file: Path) -> list[trimesh.Trimesh]:
         ]
         corners = [used_corners(part) for part in parts]
     except Exception as error:  # the readers raise whatever they stumble over
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        reason = in_line(error)[:200]
         raise UserError(
             f"can't be read as {kind.upper()} ({reason}); export it again"
         ) from error

@@ -11,12 +11,16 @@ import numpy.typing as npt
 
 from core.errors import unknown
 from core.geometry import Array
+from core.values.jobs import Forces
 from core.values.states import State
 
 ROBOT = "the robot"
 WORLD = "the world"
 
 Flags = npt.NDArray[np.bool_]
+Touching = Mapping[tuple[str, str, str], Flags]
+"""At which instants things touched, by the kind of the first, and their names; see `Trace`."""
+
 Link = tuple[str, str, npt.NDArray[Any]]  # two bodies, and how much passes between them
 
 
@@ -58,8 +62,8 @@ class Support:
     def __init__(
         self,
         states: State,
-        touching: Mapping[tuple[str, str, str], Flags],
-        forces: Mapping[tuple[str, str], Array] | None,
+        touching: Touching,
+        forces: Forces | None,
         strains: Mapping[str, Array],
     ) -> None:
         self._states = states
@@ -158,9 +162,7 @@ class Support:
             if body in (edge.body, edge.other):
                 yield edge
 
-    def _list_touches(
-        self, touching: Mapping[tuple[str, str, str], Flags]
-    ) -> Iterator[Edge]:
+    def _list_touches(self, touching: Touching) -> Iterator[Edge]:
         free = self._states.names
         for (kind, toucher, other), flags in touching.items():
             body = other

@@ -21,6 +21,9 @@ from core.values.harmless import Harmless
 from core.values.motions import JointTrajectory, Motion
 from core.values.states import State
 
+Forces = Mapping[tuple[str, str], Array]
+"""Normal forces of two things, by their names; see `Recording`."""
+
 
 class Felt(NamedTuple):
     """How a guard ended: at its waypoint (from 1), when (s), by what, and with what force at the flange (N)."""
@@ -297,7 +300,7 @@ class Recording:
     arm: Array
     fingers: Array
     states: State
-    forces: Mapping[tuple[str, str], Array] = field(default_factory=dict)
+    forces: Forces = field(default_factory=dict)
     pushes: Pushes | None = None
     loads: Mapping[str, Array] = field(default_factory=dict)
 
@@ -513,7 +516,7 @@ class World(ABC):
 
     def contact_forces(
         self, notes: Sequence[Any], instants: Array
-    ) -> tuple[Mapping[tuple[str, str], Array], Pushes | None]:
+    ) -> tuple[Forces, Pushes | None]:
         """Return ``forces`` and ``pushes`` of a `Recording`, from its snapshots and their instants (T,), seconds.
 
         It is asked for after a job with `Rollout.forces`.
@@ -572,7 +575,7 @@ class Worlds(ABC):
 
     def contact_forces(
         self, number: int, notes: Sequence[Any], instants: Array
-    ) -> tuple[Mapping[tuple[str, str], Array], Pushes | None]:
+    ) -> tuple[Forces, Pushes | None]:
         """Return the contact forces of one of the worlds."""
         raise NotImplementedError("this engine does not measure the forces of contacts")
 

@@ -19,6 +19,10 @@ TOOL_FRICTION = 0.5  # of printed plastic
 MAX_JOINTS = 8  # of a tool; engines make room for so many
 
 
+Places = dict[str, tuple[str, Pose]]
+"""What bears each component, and its pose in that frame."""
+
+
 class DesignError(CodedError, ValueError):
     """A design breaks a rule. The message says what is wrong, where, and how to mend it."""
 
@@ -180,20 +184,20 @@ class Tool:
             content_of(replace(self, name="", description="", written=("", "")))
         )
 
-    def placed(self) -> dict[str, tuple[str, Pose]]:
+    def placed(self) -> Places:
         """Return for each component its mount and its pose in the mount's frame, with all joints at 0."""
         return dict(self._placed)
 
     @cached_property
-    def _placed(self) -> dict[str, tuple[str, Pose]]:
+    def _placed(self) -> Places:
         return self._place(across_joints=True)
 
     @cached_property
-    def borne(self) -> dict[str, tuple[str, Pose]]:
+    def borne(self) -> Places:
         """For each component the mount or the component with a joint that bears it, and its pose in that frame."""
         return self._place(across_joints=False)
 
-    def _place(self, *, across_joints: bool) -> dict[str, tuple[str, Pose]]:
+    def _place(self, *, across_joints: bool) -> Places:
         """Find for each component what bears it, and its pose in that frame."""
         places = {mount: (mount, Pose()) for mount in self.mounts}
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from core.errors import unknown
 from core.geometry import Array
-from core.values.bearing import Flags, Support
+from core.values.bearing import Flags, Support, Touching
+from core.values.jobs import Forces
 from core.values.states import State
 from core.values.tools import GRIPPER_MOUNTS
 
@@ -48,10 +49,10 @@ class Trace:
 
     times: Array
     states: State
-    touching: Mapping[tuple[str, str, str], Flags] = field(default_factory=dict)
-    forces: Mapping[tuple[str, str], Array] | None = None
+    touching: Touching = field(default_factory=dict)
+    forces: Forces | None = None
     clearances: Mapping[str, Array] = field(default_factory=dict)
-    peaks: Mapping[tuple[str, str], Array] | None = None
+    peaks: Forces | None = None
     strains: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
