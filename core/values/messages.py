@@ -99,18 +99,16 @@ class Estimate:
     """An estimate of a request's size and cost, made without calling a model.
 
     It has the tokens of the messages, the US dollars for each token of prompt and answer (None: unknown), and the
-    sources of these figures. ``shared_tokens`` of them begin all requests of a run: a provider that keeps them asks
-    ``usd_per_kept_token`` for the first time, and then ``usd_per_cached_token`` (None: it keeps nothing).
+    source of the tokens. ``shared_tokens`` of them begin all requests of a run: a provider that keeps them asks
+    ``usd_per_cached_token`` from then on (None: it keeps nothing).
     """
 
     prompt_tokens: int
     counted_by: str
     usd_per_prompt_token: float | None = None
     usd_per_completion_token: float | None = None
-    priced_by: str | None = None
     shared_tokens: int = 0
     usd_per_cached_token: float | None = None
-    usd_per_kept_token: float | None = None
 
 
 class Spending:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -107,9 +106,7 @@ def estimate(request: Request, model: str) -> Estimate:
     if prices is None:
         return Estimate(tokens, counter)
 
-    version = importlib.metadata.version("litellm")
-    source = f"price list of LiteLLM {version}"
-    found = Estimate(tokens, counter, prices.prompt, prices.answer, source)
+    found = Estimate(tokens, counter, prices.prompt, prices.answer)
     if not (shared and prices.caches):
         return found
 
@@ -117,7 +114,6 @@ def estimate(request: Request, model: str) -> Estimate:
         found,
         shared_tokens=_count_tokens(litellm, model, shared),
         usd_per_cached_token=prices.cached,
-        usd_per_kept_token=prices.kept,
     )
 
 
