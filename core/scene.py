@@ -9,7 +9,7 @@ World frame: x forward from the arm's base, y left, z up; metres, kilograms, rad
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import chain
 from typing import TypedDict
@@ -194,9 +194,12 @@ class Soft(Body):
         ValueError: it is fixed or launched, has too many nodes, is too stiff, or has elements without a size.
     """
 
-    form: Form = field(kw_only=True)
-    elastic: Elastic = field(kw_only=True)
-    pinned: tuple[int, ...] = field(default=(), kw_only=True)
+    _: KW_ONLY
+    form: Form
+    elastic: Elastic
+    pinned: tuple[int, ...] = ()
+
+    collides = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -240,10 +243,6 @@ class Soft(Body):
             elastic=elastic,
             pinned=tuple(pinned),
         )
-
-    @property
-    def collides(self) -> bool:
-        return True
 
     @property
     def touched(self) -> tuple[Geom, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import TypeVar
 
 import numpy as np
@@ -52,13 +52,14 @@ class State:
     quaternions: Array
     linear_velocities: Array
     angular_velocities: Array
-    places: Mapping[str, Pose] = field(default_factory=dict, kw_only=True)
-    joints: Mapping[str, PlacedJoint] = field(default_factory=dict, kw_only=True)
-    carried: Mapping[str, tuple[str, Pose]] = field(default_factory=dict, kw_only=True)
-    bonds: Mapping[str, Bond] = field(default_factory=dict, kw_only=True)
-    pinned: tuple[str, ...] = field(default=(), kw_only=True)
-    fixture: Fixture | None = field(default=None, kw_only=True)
-    soft: Mapping[str, Array] = field(default_factory=dict, kw_only=True)
+    _: KW_ONLY
+    places: Mapping[str, Pose] = field(default_factory=dict)
+    joints: Mapping[str, PlacedJoint] = field(default_factory=dict)
+    carried: Mapping[str, tuple[str, Pose]] = field(default_factory=dict)
+    bonds: Mapping[str, Bond] = field(default_factory=dict)
+    pinned: tuple[str, ...] = ()
+    fixture: Fixture | None = None
+    soft: Mapping[str, Array] = field(default_factory=dict)
 
     def position(self, name: str, node: int | None = None) -> Array:
         """The position of one body or mark, or of one node of a soft body, (..., 3)."""
