@@ -175,8 +175,7 @@ def _find_touches(
     shapes = [solid.shape for solid in solids.items]
     hulls = np.array([shape is None or shape.is_hull for shape in shapes])
     most = TOUCH_M + HULL_M * hulls[pairs].sum(axis=1)
-    everywhere = np.ones((len(pairs), len(taken.times) - 1), dtype=bool)
-    near = may_meet(tracks, pairs, -most, everywhere)
+    near = may_meet(tracks, pairs, -most)
 
     # Where one of them is struck, and the other may have come by.
     struck = _find_struck(taken)

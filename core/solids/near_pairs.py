@@ -59,7 +59,7 @@ def may_meet(
     tracks: Tracks,
     pairs: Indices,
     least: Array,
-    within: Flags,
+    within: Flags | bool = True,
 ) -> Flags:
     """Report where two solids may get deep in each other on the way from a sample to the next.
 
@@ -69,7 +69,7 @@ def may_meet(
         tracks: the solids at T samples.
         pairs: (P, 2) the numbers of two solids.
         least: (P,) the depth that counts, metres; a negative one is a gap.
-        within: (P, T - 1) the intervals that are looked at.
+        within: (P, T - 1) the intervals that are looked at; True: all.
 
     Returns:
         In which of these intervals they may: (P, T - 1).
@@ -79,6 +79,7 @@ def may_meet(
 
     # Along z first, since most moves sideways: there in all intervals at once.
     depth = _measure_overlaps(rows, 2, pairs, slice(-1))
+    may = np.zeros(depth.shape, dtype=bool)
     met, interval = np.nonzero(within & (depth >= enough[:, None]))
 
     for axis in (1, 0):
@@ -87,7 +88,6 @@ def may_meet(
         met = met[deep]
         interval = interval[deep]
 
-    may = np.zeros_like(within)
     may[met, interval] = True
     return may
 

@@ -49,8 +49,6 @@ EXPLODED_M_S = 100.0
 # How far a tool's joint may go beyond its range, rad or m, as stops are soft; and the unit.
 OVERRUN = {"hinge": (0.1, "rad"), "slider": (0.003, "m")}
 
-_STILL_M = 1e-4  # a pair is looked at again when one of them has moved so far
-
 
 class Finding(NamedTuple):
     """Something unphysical.
@@ -109,7 +107,7 @@ def findings(
     pairs = neighbours(tracks, 0.0, scene.joined)
     guided = {joint.body for joint in scene.joints}
     depths = choose_depths(tracks.solids, pairs, guided)
-    meetings = _Meetings(tracks, pairs, depths, _mark_moving(tracks, pairs))
+    meetings = _Meetings(tracks, pairs, depths)
     wanted = meetings.count_looks()
 
     if (wanted > 1).any() and len(samples) < len(recording.times):
@@ -140,7 +138,7 @@ def _describe_soft_passage(cut: Cut) -> Finding:
 
 
 class _Meetings:
-    """P pairs of solids that may get as deep in each other as counts; at least one of each is in motion.
+    """P pairs of solids that may get as deep in each other as counts.
 
     They are made twice: by all pairs at coarse samples, and then, where that is too coarse, by what is left of them.
 
@@ -157,7 +155,7 @@ class _Meetings:
         tracks: Tracks,
         pairs: Indices,
         depths: Depths,
-        within: Flags,
+        within: Flags | bool = True,
     ) -> None:
         near = may_meet(tracks, pairs, depths.least, within)
         met = near.any(axis=1)
@@ -207,26 +205,6 @@ class _Meetings:
 
         for (name, other), (_, text) in passages.items():
             yield Finding(f"{name!r} {text.format(repr(other))}", penetration=True)
-
-
-def _mark_moving(tracks: Tracks, pairs: Indices) -> Flags:
-    """Mark the intervals in which a pair may have moved since the last marked one; the first is marked.
-
-    Args:
-        tracks: the solids at T samples.
-        pairs: (P, 2) the solids' numbers.
-
-    Returns:
-        Marks (P, T - 1).
-    """
-    rows = tracks.rows
-    steps = np.floor(np.cumsum(rows.ways[:, :-1], axis=1) / _STILL_M)
-    moves = np.diff(steps, axis=1, prepend=0.0) > 0
-    moves |= rows.aside[:, :-1] > _STILL_M / 2
-    marked: Flags = moves[pairs[:, 0]] | moves[pairs[:, 1]]
-    marked[:, :1] = True
-
-    return marked
 
 
 def _find_overrun(tool: Tool, recording: Recording) -> Iterator[Finding]:
