@@ -38,6 +38,7 @@ from core.values.jobs import (
     Feel as Feel,
     Felt as Felt,
     Looked as Looked,
+    Order as Order,
     Outcome as Outcome,
     Passed as Passed,
     Perception as Perception,

@@ -328,8 +328,20 @@ class Outcome:
     time_step: float = 0.0
 
 
-Order = tuple[Sequence[float], float, Sequence[float], float]
-"""What a step drives the joints to, see `World.step`: plain numbers, which most engines take."""
+class Order(NamedTuple):
+    """What a step drives the joints to, in plain numbers, which most engines take.
+
+    Attributes:
+        arm: targets at the step's end (J,), radians.
+        fingers: each finger's distance from the middle there, metres.
+        speeds: at which the arm approaches its targets (J,).
+        finger_speed: at which the fingers do.
+    """
+
+    arm: Sequence[float]
+    fingers: float
+    speeds: Sequence[float]
+    finger_speed: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -389,12 +401,12 @@ class Block:
     @property
     def orders(self) -> Iterator[Order]:
         """What `World.step` takes, for each step; made one by one, since many lists would busy Python's collector."""
-        return zip(
+        return map(
+            Order,
             map(np.ndarray.tolist, self.arm[1:]),
             self.fingers[1:].tolist(),
             map(np.ndarray.tolist, self.speeds),
             self.finger_speeds.tolist(),
-            strict=True,
         )
 
     def until(self, count: int) -> Block:
@@ -446,14 +458,8 @@ class World(ABC):
     tells_torques: bool = False
 
     @abstractmethod
-    def step(
-        self,
-        arm: Sequence[float],
-        fingers: float,
-        speeds: Sequence[float],
-        finger_speed: float,
-    ) -> None:
-        """Drive the joints to targets (J,) and a finger opening at these speeds, and advance by one time step."""
+    def step(self, order: Order) -> None:
+        """Drive the joints to targets, and advance by one time step."""
 
     @abstractmethod
     def joints(self) -> tuple[Array, Array]:
@@ -480,7 +486,7 @@ class World(ABC):
         looked = marks.union(block.readings)
 
         for done, order in enumerate(block.orders, start=1):
-            self.step(*order)
+            self.step(order)
             if done not in looked:
                 continue
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import pinocchio as pin
 
 from core.design import Tool
 from core.errors import UserError
 from core.geometry import Array
-from core.interfaces import Ability, Block, Passed, Rollout, Simulator, World
+from core.interfaces import Ability, Order, Rollout, Simulator, World
 from core.robot.description import assemble
 from core.scene import Scene, State, table
 from core.simulation.playback import play as play_world
@@ -39,14 +37,8 @@ class _Stepped(World):
         self._world = world
         self.time_step = world.time_step
 
-    def step(
-        self,
-        arm: Sequence[float],
-        fingers: float,
-        speeds: Sequence[float],
-        finger_speed: float,
-    ) -> None:
-        self._world.step(arm, fingers, speeds, finger_speed)
+    def step(self, order: Order) -> None:
+        self._world.step(order)
 
     def joints(self) -> tuple[Array, Array]:
         return self._world.joints()
@@ -56,9 +48,6 @@ class _Stepped(World):
 
     def launch(self) -> None:
         self._world.launch()
-
-    def settle(self, block: Block) -> Passed:
-        return World.advance(self, block)
 
 
 def check_fast_ways_are_what_steps_give(simulator: Simulator) -> None:

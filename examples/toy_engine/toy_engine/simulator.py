@@ -1,13 +1,13 @@
 """Simulate without physics: the arm is where its targets are, and bodies that the tool touches move along with it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from typing_extensions import Unpack
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.geometry import Array, Pose
-from core.interfaces import Ability, Image, Robot, Rollout, Task, View, World
+from core.interfaces import Ability, Image, Order, Robot, Rollout, Task, View, World
 from core.robot.kinematics import arm_of
 from core.scene import Scene, State
 from core.simulation.engines import SteppingSimulator
@@ -104,17 +104,11 @@ class ToyWorld(World):
         self._joints = job.trajectory.arm[0]
         self._fingers = float(job.trajectory.fingers[0])
 
-    def step(
-        self,
-        arm: Sequence[float],
-        fingers: float,
-        speeds: Sequence[float],
-        finger_speed: float,
-    ) -> None:
+    def step(self, order: Order) -> None:
         """Put the arm at its targets, and take along what the tool touched before."""
         before = list(self._boxes())
-        self._joints = np.array(arm)
-        self._fingers = float(fingers)
+        self._joints = np.array(order.arm)
+        self._fingers = order.fingers
         after = list(self._boxes())
 
         moved = np.zeros_like(self._positions)

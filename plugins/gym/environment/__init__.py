@@ -19,7 +19,7 @@ from core.designs.rules import check_tool
 from core.designs.start import SpawnRules
 from core.errors import UserError, choices
 from core.geometry import Array, Pose
-from core.interfaces import Image, Task, ToolRepresentation, World
+from core.interfaces import Image, Order, Task, ToolRepresentation, World
 from core.plugins import SIMULATOR
 from core.robot.kinematics import arm_of
 from core.scene import State
@@ -262,10 +262,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             arm_target = joints - speeds * left
             finger_target = fingers - finger_speed * left
             world.step(
-                arm_target.tolist(),
-                finger_target,
-                speeds.tolist(),
-                finger_speed,
+                Order(arm_target.tolist(), finger_target, speeds.tolist(), finger_speed)
             )
             self._elapsed += world.time_step
 

@@ -9,7 +9,7 @@ import numpy as np
 from core import interfaces
 from core.design import Tool
 from core.geometry import Array
-from core.interfaces import Block, Passed, Pushes, Reading, Robot, Rollout
+from core.interfaces import Block, Order, Passed, Pushes, Reading, Robot, Rollout
 from core.scene import Scene, State
 from core.values.jobs import FEEL_S
 from plugins.simulators.mujoco.arm import Joints
@@ -84,31 +84,16 @@ class World(interfaces.World):
         self._data.qpos[self._joints.driven] = [*trajectory.arm[0], *fingers]
         self._joints.hold(self._model, held=True)
 
-    def step(
-        self,
-        arm: Sequence[float],
-        fingers: float,
-        speeds: Sequence[float],
-        finger_speed: float,
-    ) -> None:
-        """Step once.
-
-        Args:
-            arm: targets at the step's end (A,).
-            fingers: the target of all fingers there.
-            speeds: at which the arm's approaches (A,).
-            finger_speed: at which the fingers' does.
-        """
-        back = self.time_step
+    def step(self, order: Order) -> None:
+        back = np.array([self.time_step, 0.0])
+        speeds = np.array([order.speeds])
         steps = self._moved + np.array([0.0, 1.0])
-        reached = np.array(arm)
-        coming = np.array(speeds)
         control = self._controls(
-            np.stack([reached - back * coming, reached]),
-            np.array([fingers - back * finger_speed, fingers]),
-            coming[None],
-            np.array([finger_speed]),
-            steps * back,
+            np.asarray(order.arm) - back[:, None] * speeds,
+            order.fingers - back * order.finger_speed,
+            speeds,
+            np.array([order.finger_speed]),
+            steps * self.time_step,
         )
         self._done += 1
         self._moved += 1

@@ -11,7 +11,7 @@ import numpy as np
 
 from core.design import Tool
 from core.geometry import Array
-from core.interfaces import JointTrajectory, Robot
+from core.interfaces import JointTrajectory, Order, Robot
 from core.robot.description import beyond, joint_name
 from core.scene import Joint
 from plugins.simulators.links import bearers, friction_of
@@ -145,16 +145,10 @@ class ArticulatedArm:
                 ),
             )
 
-    def drive(
-        self,
-        arm: Sequence[float],
-        fingers: float,
-        speeds: Sequence[float],
-        finger_speed: float,
-    ) -> None:
-        """Set the motors for the next step, see `World.step`."""
-        targets = [*arm, *[fingers] * self._fingers]
-        velocities = [*speeds, *[finger_speed] * self._fingers]
+    def drive(self, order: Order) -> None:
+        """Set the motors for the next step."""
+        targets = [*order.arm, *[order.fingers] * self._fingers]
+        velocities = [*order.speeds, *[order.finger_speed] * self._fingers]
         orders = (targets, velocities)
 
         if orders != self._orders:  # motors keep their targets

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from core.design import Tool
 from core.geometry import Array
-from core.interfaces import Robot, Rollout
+from core.interfaces import Order, Robot, Rollout
 from core.scene import State
 from plugins.simulators.forces import Thing, thing_of
 from plugins.simulators.fresh import FreshWorld
@@ -115,14 +115,8 @@ class World(FreshWorld):
 
         return things
 
-    def step(
-        self,
-        arm: Sequence[float],
-        fingers: float,
-        speeds: Sequence[float],
-        finger_speed: float,
-    ) -> None:
-        self._arm.drive(arm, fingers, speeds, finger_speed)
+    def step(self, order: Order) -> None:
+        self._arm.drive(order)
         if self._mechanism.acts:
             self._mechanism.drive()
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from core.design import Tool, ToolJoint
 from core.geometry import Array
-from core.interfaces import JointTrajectory, Robot
+from core.interfaces import JointTrajectory, Order, Robot
 from core.robot.description import joint_name
 from plugins.simulators.forces import thing_of
 from plugins.simulators.links import bearers, friction_of
@@ -129,21 +129,16 @@ class ArticulatedArm:
             )
             drive.set_drive_target(joint.rest)
 
-    def drive(
-        self,
-        arm: Sequence[float],
-        fingers: float,
-        speeds: Sequence[float],
-        finger_speed: float,
-    ) -> None:
-        """Set what drives the joints for the next step, see `World.step`."""
+    def drive(self, order: Order) -> None:
+        """Set what drives the joints for the next step."""
         if self._pulled:
             self._pull()
 
         ahead = self._ahead
-        orders = [at + ahead * speed for at, speed in zip(arm, speeds, strict=True)]
+        ways = zip(order.arm, order.speeds, strict=True)
+        orders = [at + ahead * speed for at, speed in ways]
         if self._gripper:
-            orders += [fingers + ahead * finger_speed] * self._fingers
+            orders += [order.fingers + ahead * order.finger_speed] * self._fingers
 
         if orders == self._orders:
             self._setters[0](orders[0])  # keeps the arm awake
@@ -153,8 +148,8 @@ class ArticulatedArm:
         if orders[self._arm :] == self._orders[self._arm :]:
             setters = self._arm_setters  # the fingers' drives keep their targets
 
-        for set_target, order in zip(setters, orders, strict=False):
-            set_target(order)
+        for set_target, target in zip(setters, orders, strict=False):
+            set_target(target)
 
         self._orders = orders
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from core.geometry import Array, Vector
-from core.interfaces import Robot, Rollout
+from core.interfaces import Order, Robot, Rollout
 from core.robot.description import beyond
 from core.scene import State
 from plugins.simulators.fresh import FreshWorld
@@ -102,14 +102,8 @@ class World(FreshWorld):
         if job.forces and job.record_hz > 0:
             self.impulses = Forces(self._system, weighed.scene, setup.things)
 
-    def step(
-        self,
-        arm: Sequence[float],
-        fingers: float,
-        speeds: Sequence[float],
-        finger_speed: float,
-    ) -> None:
-        self._arm.drive(arm, fingers, speeds, finger_speed)
+    def step(self, order: Order) -> None:
+        self._arm.drive(order)
         if self._acts:
             self._joints.act()
 

@@ -20,8 +20,8 @@ class Exact(World):
         self.lag = lag
         self.taken = []
 
-    def step(self, arm, fingers, speeds, finger_speed):
-        self.taken.append((arm, fingers, speeds, finger_speed))
+    def step(self, order):
+        self.taken.append(order)
 
     def joints(self):
         arm = np.array(self.taken[-1][0]) if self.taken else np.zeros(7)

@@ -26,8 +26,8 @@ class Follows(World):
         self.start = start
         self.arm = job.trajectory.arm[0]
 
-    def step(self, arm, fingers, speeds, finger_speed):
-        self.arm = np.array(arm)
+    def step(self, order):
+        self.arm = np.array(order.arm)
 
     def joints(self):
         return self.arm, np.zeros(2)
@@ -75,7 +75,7 @@ class Hasty(Follows):
 
     def advance(self, block: Block) -> Passed:
         *_, last = block.orders
-        self.step(*last)
+        self.step(last)
         return Passed([self.note() for _ in block.marks])
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from core.errors import NoPicture
 from core.geometry import Box, Cylinder, Sphere
-from core.interfaces import JointTrajectory, Outcome, Rollout
+from core.interfaces import JointTrajectory, Order, Outcome, Rollout
 from core.plugins import installed
 from core.scene import Body, table
 from core.simulation.playback import play
@@ -94,7 +94,7 @@ def test_joints_close_in_on_their_targets_at_the_tracking_rate(time_step, rate):
     rest = np.zeros(7)
     left = []
     for _ in range(round(3 / rate / time_step)):
-        world.step(target, FINGER_OPEN, rest, 0.0)
+        world.step(Order(target, FINGER_OPEN, rest, 0.0))
         left.append(target - world.joints()[0])
     first = round(0.5 / rate / time_step)
     last = len(left) - 1
