@@ -1,8 +1,11 @@
-"""Say of the robot's links with a tool what every engine asks: friction, and which bear the tool."""
+"""Say of the robot's links and joints with a tool what every engine asks."""
 
 from __future__ import annotations
 
+import numpy as np
+
 from core.design import GRIPPER_MOUNTS, Tool
+from core.geometry import Array
 from core.values.robots import Robot
 
 
@@ -20,3 +23,20 @@ def bearers(robot: Robot, tool: Tool) -> tuple[str, ...]:
     if tool.gripper and robot.gripper is not None:
         return robot.gripper.near_mount
     return robot.near_mount
+
+
+def split_joints(robot: Robot, tool: Tool, values: Array) -> tuple[Array, Array]:
+    """Split values of the joints with motors, behind which those of the tool stand, see `Recording`.
+
+    Args:
+        robot: the arm.
+        tool: without the gripper, nothing moves the fingers, and they have 0.
+        values: (..., N).
+
+    Returns:
+        The arm's (..., J), and the fingers' with the tool's (..., F + K).
+    """
+    arm = len(robot.arm_joints)
+    idle = 0 if tool.gripper else len(robot.finger_joints)
+    fingers = np.zeros((*values.shape[:-1], idle))
+    return values[..., :arm], np.concatenate([fingers, values[..., arm:]], axis=-1)

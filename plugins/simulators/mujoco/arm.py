@@ -3,62 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-
-import numpy as np
 
 from core.design import Tool
 from core.geometry import Array
 from core.robot.description import joint_name
 from core.values.robots import Robot
+from plugins.simulators.links import split_joints
 from plugins.simulators.mujoco.shapes import Element
 
 HELD = 1e3  # N m or N, of dry friction that holds a joint of the tool
 
 
-@dataclass(frozen=True, eq=False)
 class Joints:
     """Where the robot's joints are among a model's positions.
 
     Attributes:
         driven: those with a motor: the arm's, and the fingers' of a gripper tool.
         loose: the tool's; joints, speeds and positions have the same numbers.
-        stiffness: of the tool's joints (K,).
-        friction: their dry friction (K,).
         arm: how many are the arm's.
-        fingers: how many the robot has.
+
+    Args:
+        robot: the arm.
+        tool: what it holds.
+        model: of both.
     """
 
-    driven: list[int]
-    loose: list[int]
-    stiffness: Array
-    friction: Array
-    arm: int
-    fingers: int
-
-    @classmethod
-    def find(cls, robot: Robot, tool: Tool, model: Element) -> Joints:
-        """Find the joints of a robot with a tool in their model."""
-        tools = [bearer.joint for bearer in tool.bearers]
+    def __init__(self, robot: Robot, tool: Tool, model: Element) -> None:
         names = [joint_name(bearer.name) for bearer in tool.bearers]
-        return cls(
-            driven=_find_positions(model, robot.joints(tool.gripper)),
-            loose=_find_positions(model, names),
-            stiffness=np.array([joint.stiffness for joint in tools]),
-            friction=np.array([joint.friction for joint in tools]),
-            arm=len(robot.arm_joints),
-            fingers=len(robot.finger_joints),
-        )
+        self._robot = robot
+        self._tool = tool
+        self.driven = _find_positions(model, robot.joints(tool.gripper))
+        self.loose = _find_positions(model, names)
+        self.arm = len(robot.arm_joints)
 
     @property
     def count(self) -> int:
         """How many there are; the free bodies' positions follow."""
         return len(self.driven) + len(self.loose)
-
-    @property
-    def grip(self) -> int:
-        """How many of the driven ones are fingers'."""
-        return len(self.driven) - self.arm
 
     def hold(self, model: Element, *, held: bool) -> None:
         """Hold the tool's joints, or let them go: held, they have no springs, and their friction bears everything."""
@@ -67,15 +48,14 @@ class Joints:
             model.dof_frictionloss[self.loose] = HELD
             return
 
-        model.jnt_stiffness[self.loose] = self.stiffness
-        model.dof_frictionloss[self.loose] = self.friction
+        joints = [bearer.joint for bearer in self._tool.bearers]
+        model.jnt_stiffness[self.loose] = [joint.stiffness for joint in joints]
+        model.dof_frictionloss[self.loose] = [joint.friction for joint in joints]
 
     def read(self, qpos: Array) -> tuple[Array, Array]:
         """Take the arm's joints (T, J), and the fingers' with the tool's (T, F + K), from positions (T, Q)."""
-        others = np.zeros((len(qpos), self.fingers + len(self.loose)))
-        others[:, : self.grip] = qpos[:, self.driven[self.arm :]]
-        others[:, self.fingers :] = qpos[:, self.loose]
-        return qpos[:, self.driven[: self.arm]], others
+        joints = qpos[:, [*self.driven, *self.loose]]
+        return split_joints(self._robot, self._tool, joints)
 
 
 def _find_positions(model: Element, names: Sequence[str]) -> list[int]:

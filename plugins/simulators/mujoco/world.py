@@ -46,7 +46,7 @@ class World(interfaces.World):
         self.time_step = float(model.opt.timestep)
         self._scene = scene
         self._model = model
-        self._joints = Joints.find(robot, tool, model)
+        self._joints = Joints(robot, tool, model)
         self._moving = Moving(scene, model)
         self._data = mujoco.MjData(model)
         self._saved = mujoco.MjData(model)
@@ -71,7 +71,6 @@ class World(interfaces.World):
     def begin(self, job: Rollout) -> None:
         """Begin anew, with the robot at the first targets of a job's motion, and the tool's joints held."""
         trajectory = job.trajectory
-        fingers = [trajectory.fingers[0]] * self._joints.grip
 
         self._meter = None
         if job.forces and job.record_hz > 0:
@@ -81,7 +80,9 @@ class World(interfaces.World):
         self._done = 0
         self._moved = -np.inf
         mujoco.mj_resetData(self._model, self._data)
-        self._data.qpos[self._joints.driven] = [*trajectory.arm[0], *fingers]
+        driven = self._joints.driven
+        self._data.qpos[driven] = trajectory.fingers[0]
+        self._data.qpos[driven[: self._joints.arm]] = trajectory.arm[0]
         self._joints.hold(self._model, held=True)
 
     def step(self, order: Order) -> None:

@@ -14,8 +14,8 @@ from core.geometry import Array
 from core.interfaces import JointTrajectory, Order, Robot
 from core.robot.description import beyond, joint_name
 from core.scene import Joint
-from plugins.simulators.links import bearers, friction_of
-from plugins.simulators.pybullet.engine import Client, read_rows
+from plugins.simulators.links import bearers, friction_of, split_joints
+from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.mechanisms import Place
 from plugins.simulators.pybullet.robot import driven_links, joint_numbers, load_robot
@@ -57,7 +57,8 @@ class ArticulatedArm:
         self.beyond = {links[name] for name in beyond(robot, tool) if name in links}
 
         self._arm = len(robot.arm_joints)
-        self._idle_fingers = len(robot.finger_joints)
+        self._robot = robot
+        self._tool = tool
         driven = robot.joints(tool.gripper)
         self._fingers = len(driven) - self._arm
         self._joints = [joints[name] for name in driven]
@@ -178,17 +179,5 @@ class ArticulatedArm:
         return tuple([state[0] for state in self._states])
 
     def read(self, snapshots: Sequence[tuple[float, ...]]) -> tuple[Array, Array]:
-        """Decode T snapshots: arm (T, J) and fingers with the tool's joints (T, F + K).
-
-        Fingers that no tool hangs from are not moved, and have 0.
-        """
-        rows = read_rows(snapshots)
-        count = len(self._joints)
-        arm = rows[:, : self._arm]
-        loose = rows[:, count:]
-
-        fingers = np.zeros((len(rows), self._idle_fingers))
-        if self._fingers:
-            fingers = rows[:, self._arm : count]
-
-        return arm, np.concatenate([fingers, loose], axis=1)
+        """Decode T snapshots: arm (T, J) and fingers with the tool's joints (T, F + K)."""
+        return split_joints(self._robot, self._tool, np.array(snapshots))

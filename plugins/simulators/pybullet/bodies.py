@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from core.errors import UsageError
 from core.geometry import Array, Pose
 from core.scene import Scene, State
-from plugins.simulators.pybullet.engine import Client, read_rows
+from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.pybullet.mechanisms import Place
 from plugins.simulators.pybullet.trees import prepare_trees
 
@@ -89,7 +89,7 @@ class PreparedScene:
         Each has 13 numbers a body: position, quaternion (x, y, z, w) and velocities of its centre of mass. A body whose
         frame is elsewhere gets the pose and the speed of that.
         """
-        rows = read_rows(snapshots).reshape(len(snapshots), len(self.names), 13)
+        rows = np.reshape(snapshots, (len(snapshots), len(self.names), 13))
         positions = rows[..., :3].copy()
         quaternions = rows[..., [6, 3, 4, 5]]
         linear = rows[..., 7:10].copy()

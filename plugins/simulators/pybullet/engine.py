@@ -1,15 +1,10 @@
 """Import PyBullet without the line that its C code prints on import; and call it for one of its worlds."""
 
 import weakref
-from collections.abc import Sequence
 from functools import partial
-from itertools import chain
 from typing import Any
 
-import numpy as np
-
 from core.errors import UserError
-from core.geometry import Array
 from plugins.simulators.quiet import quiet
 
 try:
@@ -37,10 +32,3 @@ class Client:
 
 
 __all__ = ["Client", "pybullet"]
-
-
-def read_rows(snapshots: Sequence[tuple[float, ...]]) -> Array:
-    """Convert T tuples of N numbers to an array (T, N), in half of the time that `np.array` takes."""
-    numbers = chain.from_iterable(snapshots)
-    count = len(snapshots) * len(snapshots[0])
-    return np.fromiter(numbers, np.float64, count).reshape(len(snapshots), -1)

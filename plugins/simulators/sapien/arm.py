@@ -14,7 +14,7 @@ from core.geometry import Array
 from core.interfaces import JointTrajectory, Order, Robot
 from core.robot.description import joint_name
 from plugins.simulators.forces import thing_of
-from plugins.simulators.links import bearers, friction_of
+from plugins.simulators.links import bearers, friction_of, split_joints
 from plugins.simulators.sapien.bodies import weigh
 from plugins.simulators.sapien.engine import physx
 from plugins.simulators.sapien.robot import (
@@ -70,7 +70,8 @@ class ArticulatedArm:
     ) -> None:
         self._arm = len(robot.arm_joints)
         self._fingers = len(robot.finger_joints)
-        self._gripper = tool.gripper
+        self._robot = robot
+        self._tool = tool
         components = _Builder(setup, robot, tool).build()
         # The target speed is added to the spring's target instead of the damper's: half as many calls. And in each of
         # the solver's n iterations a joint is driven as if that were the end of the step, and its speed is added: on
@@ -137,7 +138,7 @@ class ArticulatedArm:
         ahead = self._ahead
         ways = zip(order.arm, order.speeds, strict=True)
         orders = [at + ahead * speed for at, speed in ways]
-        if self._gripper:
+        if self._tool.gripper:
             orders += [order.fingers + ahead * order.finger_speed] * self._fingers
 
         if orders == self._orders:
@@ -185,14 +186,9 @@ class ArticulatedArm:
 
     def read(self, positions: Any) -> tuple[Array, Array]:
         """Decode the articulation's joints (..., N): arm (..., J) and fingers with the tool's joints (..., F + K)."""
-        everything = np.asarray(positions, dtype=np.float64)
-        driven = everything[..., self._numbers]
-        loose = everything[..., self._loose]
-        fingers = np.zeros((*driven.shape[:-1], self._fingers))
-        if self._gripper:
-            fingers = driven[..., self._arm :]
-
-        return driven[..., : self._arm], np.concatenate([fingers, loose], axis=-1)
+        values = np.asarray(positions, dtype=np.float64)
+        joints = values[..., [*self._numbers, *self._loose]]
+        return split_joints(self._robot, self._tool, joints)
 
 
 class _Builder:

@@ -113,7 +113,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
 
         def extract() -> tuple[Scene, ModelFigures]:
             compiled = self._model(task, job)
-            joints = Joints.find(task.robot, job.tool, compiled)
+            joints = Joints(task.robot, job.tool, compiled)
 
             return scene, extract_figures(compiled, scene, joints)
 
