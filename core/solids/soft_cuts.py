@@ -19,7 +19,7 @@ from core.geometry import Array, Shape
 from core.scene import Filling, Scene, Soft, State
 from core.solids.passage import DEEP_S
 from core.solids.rollout_solids import ROBOT
-from core.solids.tracks import Track, Tracks, lengths
+from core.solids.tracks import Track, Tracks
 
 CUT_M = 0.006
 """How deep under the surface of a soft solid nothing may get, beyond the thickness of its skin."""
@@ -94,8 +94,7 @@ def _measure_depths(soft: Soft, nodes: Array, track: Track, shape: Shape) -> Arr
     points = _sample(shape)
 
     for sample in np.flatnonzero(near).tolist():
-        k = sample if len(track.positions) > 1 else 0
-        placed = points @ track.rotations[k].T + track.positions[k]
+        placed = points @ track.rotations[sample].T + track.positions[sample]
         within = (placed >= low[sample]).all(axis=1)
         within &= (placed <= high[sample]).all(axis=1)
         depths[sample] = _measure_deepest(soft, nodes[sample], placed[within])
@@ -117,15 +116,11 @@ def _measure_deepest(soft: Soft, nodes: Array, points: Array) -> float:
     if not len(inner):
         return 0.0
 
-    from trimesh.triangles import closest_point  # takes long
+    from trimesh.proximity import closest_point_naive  # takes long
 
-    surface = soft.form.surface(nodes)
-    triangles = surface.vertices[surface.faces]
-    pairs = np.repeat(triangles[None], len(inner), axis=0).reshape(-1, 3, 3)
-    nearest = closest_point(pairs, np.repeat(inner, len(triangles), axis=0))
-    ways = lengths(nearest.reshape(len(inner), -1, 3) - inner[:, None])
-
-    return float(ways.min(axis=1).max())
+    surface = soft.form.surface(nodes).to_trimesh()
+    _, distances, _ = closest_point_naive(surface, inner)
+    return float(distances.max())
 
 
 @lru_cache(maxsize=256)

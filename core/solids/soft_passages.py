@@ -116,9 +116,8 @@ class _Passage:
 
     def _bring_near(self, nodes: Array, sample: int) -> Array:
         """Return the nodes (N, 3) of a sample in the frame of the solid."""
-        k = sample if len(self.track.positions) > 1 else 0
-        apart = nodes[sample] - self.track.positions[k]
-        local: Array = apart @ self.track.rotations[k]
+        apart = nodes[sample] - self.track.positions[sample]
+        local: Array = apart @ self.track.rotations[sample]
         return local
 
     def _look(

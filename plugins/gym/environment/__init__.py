@@ -208,14 +208,15 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
 
     def _check(self, action: Any) -> Array:
         """Return an action as an array, if it is one."""
-        (count,) = self.action_space.shape or (0,)
+        shape = self.action_space.shape
         with suppress(TypeError, ValueError):
             numbers = np.asarray(action, dtype=np.float64)
-            if numbers.shape == (count,) and np.isfinite(numbers).all():
+            if numbers.shape == shape and np.isfinite(numbers).all():
                 return numbers
 
-        wanted = f"an action is {count} finite numbers from -1 to 1, see plugins.gym.environment.ToolEnv"
-        raise gymnasium.error.InvalidAction(f"{wanted}; got {shorten(repr(action))}")
+        raise gymnasium.error.InvalidAction(
+            f"an action is an array {shape} of finite numbers from -1 to 1; got {shorten(repr(action))}"
+        )
 
     def _target(self, action: Array) -> Array:
         """Return joint targets (J,) at the end of the step, within the limits of angle and speed.
@@ -314,9 +315,6 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             return None
 
         arm, fingers = self._world.joints()
-        if not self.tool.gripper:
-            fingers[: len(self.task.robot.finger_joints)] = self._opening
-
         width, height = self._size
 
         return self.simulator.render(

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -44,30 +44,6 @@ _MOST = 60
 _UNMOVED = Inertia(1.0, Pose(), np.ones(3))
 
 
-class _Held(NamedTuple):
-    """What a bond holds.
-
-    Attributes:
-        body: PhysX's.
-        joint: the D6 joint with the spring.
-    """
-
-    body: Any
-    joint: Any
-
-
-class _Carried(NamedTuple):
-    """Links that go with a free body.
-
-    Attributes:
-        body: PhysX's.
-        articulation: theirs.
-    """
-
-    body: Any
-    articulation: Any
-
-
 class Bonds(bonds.Bonds):
     """The bonds of a world whose bodies are at their initial poses.
 
@@ -89,8 +65,10 @@ class Bonds(bonds.Bonds):
         self._articulations: list[Any] = []
         # Numbers of the bonds, as the articulations have them.
         self._order: list[int] = []
-        self._held: dict[int, _Held] = {}
-        self._carried: list[_Carried] = []
+        # What each holds, and the D6 joint with the spring.
+        self._held: dict[int, tuple[Any, Any]] = {}
+        # Free bodies, and the articulations of the links that go with them.
+        self._carried: list[tuple[Any, Any]] = []
         ends = dict.fromkeys(chain(*((b.body, b.parent) for b in scene.bonds)))
         names = [*components]
         self._bonded = [names.index(name) for name in ends if name and name in names]
@@ -105,14 +83,14 @@ class Bonds(bonds.Bonds):
                 root, *links = _carry_links(
                     setup, points, body, weighed.inertias[bearer]
                 )
-                self._carried.append(_Carried(body, root.articulation))
+                self._carried.append((body, root.articulation))
 
             self._articulations.append(root.articulation)
             self._order += numbers
             for number, bond, link in zip(numbers, borne, links, strict=True):
                 body = components[bond.body]
                 _solve_like(body, root.articulation)
-                self._held[number] = _Held(body, _hold(bond, body, link))
+                self._held[number] = (body, _hold(bond, body, link))
 
     def launch(self) -> None:
         """Give the links that go with a body its velocity; call it when bodies are launched."""

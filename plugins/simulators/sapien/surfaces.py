@@ -66,7 +66,6 @@ class Surfaces:
         moving = {*moving}
         self._kinds = _sort({*moving, *fixed})
         self._moving = sorted({self._kinds[surface] for surface in moving})
-        self._materials: dict[tuple[Surface, int], Any] = {}
 
         members: dict[int, list[Surface]] = {}
         for surface, kind in self._kinds.items():
@@ -92,10 +91,6 @@ class Surfaces:
 
     def _material(self, surface: Surface, other: int) -> Any:
         """Make the material of ``surface`` for contacts with a surface of kind ``other``."""
-        key = (surface, other)
-        if key in self._materials:
-            return self._materials[key]
-
         mine = self._typical[self._kinds[surface]]
         theirs = self._typical[other]
         friction = math.sqrt(mine.friction * theirs.friction)
@@ -104,11 +99,7 @@ class Surfaces:
             friction *= 2 * math.sqrt(surface.friction / mine.friction) - 1
 
         restitution = mine.restitution * theirs.restitution
-
-        material = physx.PhysxMaterial(friction, friction, restitution)
-        self._materials[key] = material
-
-        return material
+        return physx.PhysxMaterial(friction, friction, restitution)
 
 
 def _sort(surfaces: set[Surface]) -> dict[Surface, int]:
