@@ -339,8 +339,7 @@ class _Case:
                 limit = f"at {wanted} {measure.limit:.3g} {measure.unit}"
                 yield f"{measure.name} {begun:.3g} -> {ended:.3g}, wanted {limit}"
 
-            if goal.held or goal.released or goal.stands_on:
-                yield from self._say_support(goal, body)
+            yield from self._say_support(goal, body)
 
     def _say_support(self, goal: Reach, body: str) -> Iterator[str]:
         """Say what bears a body at the end that is to be held, or let go, and is not."""

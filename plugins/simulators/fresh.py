@@ -5,7 +5,6 @@ from __future__ import annotations
 import tempfile
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -49,13 +48,8 @@ class FreshWorld(World):
     def decode(self, snapshots: Sequence[Any]) -> tuple[Array, Array, State]:
         """Decode T snapshots, see `World.read`."""
 
-    @cached_property
-    def counts_steps(self) -> bool:
-        """Whether `end_step` has something to note."""
-        return self.impulses is not None or self.bonds is not None
-
     def end_step(self) -> None:
-        """Note what the last step did to contacts and bonds; call it after each step, where the world counts them."""
+        """Note what the last step did to contacts and bonds; call it after each step."""
         if self.impulses is not None:
             self.impulses.add_step()
         if self.bonds is not None:

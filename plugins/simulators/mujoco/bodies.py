@@ -15,7 +15,7 @@ from plugins.simulators.forces import latch_force
 from plugins.simulators.inertia import ROTOR, inertia_of
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.robot import HOLDS
-from plugins.simulators.mujoco.shapes import Element, add_body
+from plugins.simulators.mujoco.shapes import Element, add_body, set_springs
 from plugins.simulators.mujoco.softs import Softs
 
 _KINDS = {
@@ -114,11 +114,7 @@ def _add_joint(spec: Element, bearer: Element, joint: Joint, name: str) -> None:
     if joint.limited:
         element.range = [joint.lower, joint.upper]
 
-    element.stiffness[0] = joint.stiffness
-    element.springref = joint.rest
-    element.damping[0] = joint.damping
-    element.frictionloss = joint.friction
-
+    set_springs(element, joint)
     element.solref_limit = reference
     element.solref_friction = reference
     element.solimp_friction = HOLDS

@@ -149,18 +149,13 @@ class Meter:
 
     def __init__(self, scene: Scene, model: Element) -> None:
         robot = model.geom_contype != Role.SCENE.value[0]
-        owners = []
-        for number in range(model.ngeom):
-            _, _, owner = model.geom(number).name.partition("/")
-            owners.append(owner)
-
+        names = [model.geom(number).name for number in range(model.ngeom)]
+        owners = [name.partition("/")[2] for name in names]
         links = sorted({*compress(owners, robot)})
         bodies = [body.name for body in scene.bodies]
         self._names = [*links, *bodies]
         self._links = len(links)
-        self._tool = -1
-        if "tool" in links:
-            self._tool = links.index("tool")
+        self._tool = links.index("tool") if "tool" in links else -1
 
         # Names of links and bodies may be the same.
         ranks = {name: self._links + rank for rank, name in enumerate(bodies)}

@@ -14,7 +14,7 @@ from core.values.robots import Robot
 from plugins.simulators.links import bearers, friction_of
 from plugins.simulators.mujoco.contacts import Collider, Role, Surface, is_discrete
 from plugins.simulators.mujoco.engine import mujoco
-from plugins.simulators.mujoco.shapes import Element
+from plugins.simulators.mujoco.shapes import Element, set_springs
 
 FINGER_INERTIA = 0.5  # kg, a guess: a spindle is hard to push back
 # The impedance of dry friction in a joint: it hardly creeps.
@@ -87,11 +87,7 @@ def load(robot: Robot, tool: Tool, slots: int = 0) -> tuple[Element, list[Collid
     for bearer in tool.bearers:
         body = spec.body(bearer.name)
         spec.add_exclude(bodyname1=body.name, bodyname2=body.parent.name)
-        joint = spec.joint(joint_name(bearer.name))
-        joint.stiffness[0] = bearer.joint.stiffness
-        joint.springref = bearer.joint.rest
-        joint.damping[0] = bearer.joint.damping
-        joint.frictionloss = bearer.joint.friction
+        set_springs(spec.joint(joint_name(bearer.name)), bearer.joint)
 
     return spec, colliders
 

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from core.design import ToolJoint
 from core.geometry import Box, Capsule, Cylinder, Pose, Shape, Sphere
+from core.values.joints import Joint
 from plugins.simulators.inertia import Inertia
 from plugins.simulators.mujoco.engine import mujoco
 
@@ -46,6 +48,14 @@ def add_geom(spec: Element, bearer: Element, shape: Shape, pose: Pose) -> Elemen
     return bearer.add_geom(
         type=kind, size=size, meshname=mesh, pos=pose.position, quat=pose.quaternion
     )
+
+
+def set_springs(element: Element, joint: Joint | ToolJoint) -> None:
+    """Set the spring, damper and dry friction of a joint of the spec."""
+    element.stiffness[0] = joint.stiffness
+    element.springref = joint.rest
+    element.damping[0] = joint.damping
+    element.frictionloss = joint.friction
 
 
 def add_body(bearer: Element, name: str, pose: Pose, inertia: Inertia) -> Element:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from core.geometry import Array
-from plugins.simulators.forces import Impulses, Meeting, Thing, meeting
+from plugins.simulators.forces import Impulses, Thing, meeting
 from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.pybullet.mechanisms import Place
 
@@ -62,18 +62,11 @@ class Forces(Impulses):
         self._client = client
         self._things = things
         self._time_step = time_step
-        # By PyBullet's numbers of both.
-        self._meetings: dict[tuple[int, ...], Meeting] = {}
 
     def add_step(self) -> None:
         for point in self._client.getContactPoints():
-            who = point[1:5]
-            if who not in self._meetings:
-                first = self._things[point[1], point[3]]
-                second = self._things[point[2], point[4]]
-                self._meetings[who] = meeting(first, second)
-
-            met = self._meetings[who]
+            first = self._things[point[1], point[3]]
+            met = meeting(first, self._things[point[2], point[4]])
             self.add(met, point[9] * self._time_step)
             if met.body:
                 impulse = _force(point) * self._time_step

@@ -121,8 +121,7 @@ class World(FreshWorld):
             self._mechanism.drive()
 
         p.stepSimulation(self.client.number)
-        if self.counts_steps:
-            self.end_step()
+        self.end_step()
 
     def launch(self) -> None:
         for place, joint in self._arm.list_loose():

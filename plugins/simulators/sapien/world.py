@@ -113,8 +113,7 @@ class World(FreshWorld):
         self._system.step()
         if self._brakes:
             self._bodies.end_step()
-        if self.counts_steps:
-            self.end_step()
+        self.end_step()
 
     def note_torques(self) -> TorqueNote:
         return self._arm.note_torques()

@@ -286,7 +286,10 @@ def test_a_tool_weighs_by_its_material():
 @pytest.mark.parametrize(
     ("action", "said"),
     [
-        (np.zeros(8), r"^an action is an array \(7,\) of finite numbers .*; got .array"),
+        (
+            np.zeros(8),
+            r"^an action is an array \(7,\) of finite numbers .*; got .array",
+        ),
         ([0.0] * 6 + [np.nan], "got .*nan"),
         (["a"] * 7, "got .*a"),
         (None, "got 'None"),
