@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.geometry import Array
-from core.solids.tracks import Indices, Rows, Tracks
+from core.solids.tracks import Indices, Tracks
 
 Flags = npt.NDArray[np.bool_]
 
@@ -74,32 +74,9 @@ def may_meet(
     Returns:
         In which of these intervals they may: (P, T - 1).
     """
-    rows = tracks.rows
-    enough = least - ROUNDING_M
-
-    # Along z first, since most moves sideways: there in all intervals at once.
-    depth = _measure_overlaps(rows, 2, pairs, slice(-1))
-    may = np.zeros(depth.shape, dtype=bool)
-    met, interval = np.nonzero(within & (depth >= enough[:, None]))
-
-    for axis in (1, 0):
-        depth = _measure_overlaps(rows, axis, pairs[met], interval)
-        deep = depth >= enough[met]
-        met = met[deep]
-        interval = interval[deep]
-
-    may[met, interval] = True
-    return may
-
-
-def _measure_overlaps(
-    rows: Rows, axis: int, pairs: Indices, interval: Indices | slice
-) -> Array:
-    """Measure how far the boxes of pairs (P, 2) overlap along an axis of the world, metres, in some intervals."""
     first, second = pairs.T
-    low = rows.low[..., axis]
-    high = rows.high[..., axis]
-    over = high[first, interval] - low[second, interval]
-    under = high[second, interval] - low[first, interval]
-
-    return np.minimum(over, under)
+    low = tracks.rows.low[:, :-1]
+    high = tracks.rows.high[:, :-1]
+    overlaps = np.minimum(high[first] - low[second], high[second] - low[first])
+    deep = overlaps.min(axis=2) >= least[:, None] - ROUNDING_M
+    return deep & within

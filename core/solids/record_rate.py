@@ -246,18 +246,10 @@ def detours(recording: Recording, samples: Indices, slides: Sequence[bool]) -> D
     ``slides`` (J,): whether each of the arm's joints does.
     """
     states = recording.states
-    count = len(recording.times)
-    places = states.positions.reshape(count, -1)
-    turns = states.quaternions.reshape(count, -1)
-    # All numbers at once: NumPy's calls take longer than its sums.
-    parts = [recording.arm, recording.fingers, places, turns]
-    ends = np.cumsum([part.shape[1] for part in parts[:-1]])
-    strayed = _deviate(np.concatenate(parts, axis=1), samples)
-    arm, fingers, places, turns = np.split(strayed, ends, axis=1)
-
-    looks = len(samples)
-    moved = lengths(places.reshape(looks, -1, 3))
-    turned = 2 * lengths(turns.reshape(looks, -1, 4))
+    arm = _deviate(recording.arm, samples)
+    fingers = _deviate(recording.fingers, samples)
+    moved = lengths(_deviate(states.positions, samples))
+    turned = 2 * lengths(_deviate(states.quaternions, samples))
     sliding = np.array(slides, dtype=bool)
     slid = fingers.max(axis=1, initial=0.0) + arm[:, sliding].sum(axis=1)
     return Detour(
@@ -270,11 +262,11 @@ def _deviate(values: Array, samples: Indices) -> Array:
     """Measure how far values get from the straight way from a sample to the next, at most.
 
     Args:
-        values: (T, N) at all instants.
+        values: (T, ...) at all instants.
         samples: (S,) the numbers of some of them.
 
     Returns:
-        Deviations (S, N); 0 after the last sample.
+        Deviations (S, ...); 0 after the last sample.
     """
     known = values[samples]
     if len(known) == len(values):
@@ -283,6 +275,7 @@ def _deviate(values: Array, samples: Indices) -> Array:
     numbers = np.arange(len(values))
     before = np.searchsorted(samples[1:-1], numbers, side="right")
     shares = (numbers - samples[before]) / np.diff(samples)[before]
-    straight = known[before] + shares[:, None] * np.diff(known, axis=0)[before]
+    ways = np.diff(known, axis=0)[before]
+    straight = known[before] + (shares * ways.T).T
 
     return np.maximum.reduceat(np.abs(values - straight), samples)
