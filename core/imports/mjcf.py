@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import product
+from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -56,6 +59,19 @@ _SHAPES: dict[str, Callable[[float, float, float], Shape]] = {
         Sphere(1.0).to_trimesh().apply_scale(radii)
     ),
 }
+
+
+def list_files(root: Element, file: Path) -> Iterator[Path]:
+    """Yield the files that an MJCF file names and that are there."""
+    folders = [file.parent]
+    for compiler in root.iter("compiler"):
+        for key in ("meshdir", "assetdir", "texturedir"):
+            folders.append(file.parent / compiler.get(key, ""))
+
+    for folder, element in product(folders, root.iter()):
+        named = folder / element.get("file", "")
+        if named.is_file():
+            yield named
 
 
 def describe_model(

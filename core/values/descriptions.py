@@ -110,6 +110,11 @@ class RobotShape:
     scale: Triple = ONE
     friction: float | None = None
 
+    def placed(self, pose: Pose) -> RobotShape:
+        """Write it in another frame, in which its link's has a pose."""
+        origin = Origin.from_pose(pose @ self.origin.pose, DIGITS)
+        return replace(self, origin=origin)
+
 
 @dataclass(frozen=True)
 class RobotLink:

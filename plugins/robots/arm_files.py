@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from xml.etree.ElementTree import Element
-
 from core.errors import UserError
 from core.imports.documents import MAX_BYTES, read_root
+from core.imports.mjcf import list_files
 from core.imports.urdf import read_urdf
 from core.support.cli import expand
 from core.support.files import note_read, read_untrusted
 from core.values.descriptions import Description
 from plugins.robots.arm_settings import ArmSettings
-
-ARMS = (".urdf", ".xml", ".mjcf", ".xacro")
-_SHOWN = 5  # files that a message lists
 
 
 def read_arm(chosen: ArmSettings) -> tuple[Description, list[str]]:
@@ -28,16 +23,14 @@ def read_arm(chosen: ArmSettings) -> tuple[Description, list[str]]:
     """
     path = expand(chosen.path).absolute()
     without = chosen.without or ()
-    if path.is_dir():
-        files = list_arms(path) or "it has no URDF or MJCF"
-        raise UserError(f"{path} is a folder; name the file in it: {files}")
-
     root = read_root(read_untrusted(path, MAX_BYTES), path)
     try:
         if root.tag == "mujoco":
             from plugins.robots.mjcf import SPEED, read_mjcf_arm  # imports MuJoCo
 
-            _note_assets(root, path.parent)
+            for named in list_files(root, path):  # MuJoCo reads them
+                note_read(named)
+
             description, notes = read_mjcf_arm(path, without)
             if chosen.velocity is None:
                 notes.append(
@@ -49,23 +42,3 @@ def read_arm(chosen: ArmSettings) -> tuple[Description, list[str]]:
         return read_urdf(root, path, without, may_lack=chosen.collision == "file")
     except UserError as error:
         raise type(error)(f"{path}: {error}") from error
-
-
-def _note_assets(root: Element, folder: Path) -> None:
-    """Note the files that an MJCF file names, which MuJoCo reads."""
-    folders = [folder]
-    for compiler in root.iter("compiler"):
-        for key in ("meshdir", "assetdir", "texturedir"):
-            folders.append(folder / compiler.get(key, ""))
-
-    for element in root.iter():
-        for there in folders:
-            file = there / element.get("file", "")
-            if file.is_file():
-                note_read(file)
-
-
-def list_arms(folder: Path) -> str:
-    """List files of a folder that may be arms, as words to type."""
-    found = [file for file in sorted(folder.rglob("*")) if file.suffix in ARMS]
-    return " or ".join(f"robot.path={file}" for file in found[:_SHOWN])

@@ -10,35 +10,22 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from core.errors import UserError
 from core.geometry import Cylinder
 from core.imports.documents import read_xml
 from core.imports.urdf import read_tree
 from core.values.descriptions import Description, Inertial, Origin, RobotShape, rounded
 from plugins.robots.hulls import Job
 
+_FIRST = "robots/panda_description/urdf/panda.urdf"
 _PREFIX = b"package://example-robot-data/"
 
 
 @lru_cache(maxsize=1)
 def robots_folder() -> Path:
-    """Find the folder of the descriptions.
-
-    Raises:
-        UserError: the package example-robot-data is not installed, or has no descriptions.
-    """
-    try:
-        files = importlib.metadata.files("example-robot-data") or []
-    except importlib.metadata.PackageNotFoundError:
-        files = []
-
-    for file in files:
-        if file.match("robots/panda_description/urdf/panda.urdf"):
-            return Path(str(file.locate())).resolve().parents[2]
-
-    raise UserError(
-        "the descriptions of robots are missing: pip install example-robot-data"
-    )
+    """Find the folder of the descriptions."""
+    files = importlib.metadata.files("example-robot-data") or ()
+    first = next(file for file in files if file.match(_FIRST))
+    return Path(str(first.locate())).resolve().parents[2]
 
 
 @lru_cache(maxsize=16)
@@ -68,16 +55,8 @@ def mend(
         limits: of joints, by the names of URDF: lower, upper, velocity, effort. A continuous joint gets ends.
         collisions: of links, in place of theirs: a mesh, whose hull becomes a file that every engine reads, or the
             radius and length of a cylinder along z, and the z of its middle.
-        undrawn: names of the files of meshes that are not drawn.
-
-    Raises:
-        LookupError: a link is named that is not there.
-    """
+        undrawn: names of the files of meshes that are not drawn."""
     arm = description(file)
-    for name in (*drop, *inertials, *collisions):
-        if name not in arm.links:
-            raise LookupError(f"the description has no link {name!r}")
-
     links = {}
     for name, link in arm.links.items():
         if name in drop:

@@ -134,18 +134,7 @@ def _find_way(robot: Robot, joint: str) -> Array:
 
 def _move_link(link: RobotLink, pose: Pose) -> RobotLink:
     """Write a link in another frame, in which its own has a pose."""
-    collisions = [
-        replace(shape, origin=Origin.from_pose(pose @ shape.origin.pose, DIGITS))
-        for shape in link.collisions
-    ]
-    visuals = [
-        replace(shape, origin=Origin.from_pose(pose @ shape.origin.pose, DIGITS))
-        for shape in link.visuals
-    ]
+    collisions = tuple(shape.placed(pose) for shape in link.collisions)
+    visuals = tuple(shape.placed(pose) for shape in link.visuals)
     inertial = Inertial.from_tensor(*link.inertial.placed(pose), form=DIGITS)
-    return replace(
-        link,
-        inertial=inertial,
-        collisions=tuple(collisions),
-        visuals=tuple(visuals),
-    )
+    return replace(link, inertial=inertial, collisions=collisions, visuals=visuals)

@@ -14,7 +14,6 @@ from core.values.descriptions import (
     DIGITS,
     Description,
     Inertial,
-    Origin,
     RobotJoint,
     RobotLink,
     RobotShape,
@@ -107,8 +106,7 @@ def _join(head: str, parts: Sequence[tuple[RobotLink, Pose]], base: bool) -> Rob
 
 def _place(shape: RobotShape, pose: Pose) -> RobotShape:
     """Place a shape in the frame of another link."""
-    origin = Origin.from_pose(pose @ shape.origin.pose, DIGITS)
-    return replace(shape, origin=origin, color=shape.color or GREY)
+    return replace(shape.placed(pose), color=shape.color or GREY)
 
 
 def _inertia(head: str, parts: Sequence[tuple[RobotLink, Pose]]) -> Weight:

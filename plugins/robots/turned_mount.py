@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT
-from core.errors import UsageError, UserError
+from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Gripper, Robot
 from core.robot.kinematics import Arm, link_poses
@@ -54,10 +54,7 @@ def turn_mount(
     Raises:
         UserError: at home the flange does not look down (says which way it is off), or can't be turned so near there.
     """
-    if not np.isfinite(face_m):
-        raise UsageError(f"robot.face_m must be a finite number, got {face_m}")
-
-    asked = None if rpy is None else _read_rpy(rpy)
+    asked = None if rpy is None else Rotation.from_euler("xyz", rpy)
     flange = Arm(robot).forward(np.array(robot.home)).rotation
     if robot.gripper is not None:
         robot, turn = _turn_with_hand(robot, axis, flange, asked, notes)
@@ -84,12 +81,6 @@ def turn_mount(
         )
 
     return replace(robot, home=tuple(solution.joints.round(6).tolist()))
-
-
-def _read_rpy(rpy: Sequence[float]) -> Rotation:
-    if len(rpy) != 3 or not all(map(math.isfinite, rpy)):
-        raise UsageError(f"mount_rpy must be three finite numbers, got {list(rpy)}")
-    return Rotation.from_euler("xyz", rpy)
 
 
 def _turn_with_hand(

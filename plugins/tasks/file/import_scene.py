@@ -15,14 +15,15 @@ import yaml
 from omegaconf import DictConfig, OmegaConf
 
 from core.errors import UsageError, UserError
-from core.geometry import Array, Pose
+from core.geometry import Array
 from core.hooks import Taken
 from core.imports.documents import MAX_BYTES, read_root
 from core.imports.kinds import find_radians
 from core.imports.meshes import KINDS
+from core.imports.mjcf import list_files
 from core.imports.urdf import read_urdf
-from core.robot.solids import box_corners
 from core.scene import Body, Joint
+from core.solids.standing import bound
 from core.support.cli import expand, write_bytes
 from core.support.files import read_untrusted
 from plugins.tasks.file.imports import Imported, read_bodies, read_mesh
@@ -30,7 +31,6 @@ from plugins.tasks.file.task import FileTask
 
 _ABOVE_M = 1e-4  # the table, things begin
 _MILLI = 0.001
-_LARGE_M = 0.8  # more than an arm reaches
 _NEAR_M = 0.6  # from the arm's base, the near face of what is large
 _MIDDLE_M = 0.6  # the middle of what is small
 _SMALL_M = 0.3
@@ -86,8 +86,7 @@ def take_scene(file: Path, cfg: DictConfig) -> Taken:
         )
 
     entry = {"file": str(file.relative_to(output.parent)), **placed.entry}
-    corners = _find_corners(placed.held.bodies)
-    low, high = corners.min(axis=0), corners.max(axis=0)
+    low, high = _bound_all(placed.held.bodies)
     size = high - low
     entry["position"] = _choose_place(low, high)
     goal, wanted = _choose_goal(placed)
@@ -105,11 +104,6 @@ def take_scene(file: Path, cfg: DictConfig) -> Taken:
         *placed.lines,
         *placed.held.notes,
     ]
-    if size.max() > _LARGE_M:
-        lines.append(
-            f"it is {size.max():.2g} m long, more than an arm reaches; scale it down in its own file if that is wrong"
-        )
-
     words = ["task=file", f"task.file={output}"]
     if cfg.robot.name != "panda":
         words.append(f"robot={cfg.robot.name}")
@@ -229,7 +223,7 @@ def _find_folder(file: Path) -> Path:
     root = read_root(read_untrusted(file, MAX_BYTES), file)
     named = [str(file.parent)]
     if root.tag == "mujoco":
-        named += [str(path.parent) for path in _list_named(root, file)]
+        named += [str(path.resolve().parent) for path in list_files(root, file)]
     else:
         try:
             description, _ = read_urdf(root, file, may_lack=True)
@@ -244,36 +238,13 @@ def _find_folder(file: Path) -> Path:
     return Path(os.path.commonpath(named))
 
 
-def _list_named(root: Element, file: Path) -> list[Path]:
-    """List the files that an MJCF file names and that are there."""
-    folders = [file.parent]
-    for compiler in root.iter("compiler"):
-        for key in ("meshdir", "assetdir"):
-            folders.append(file.parent / compiler.get(key, ""))
+def _bound_all(bodies: Sequence[Body]) -> tuple[Array, Array]:
+    """Bound what collides, in the file's frame."""
+    boxes = np.array([bound(body) for body in bodies if body.collisions])
+    if not len(boxes):
+        raise UserError("nothing in the file collides")
 
-    names = [element.get("file", "") for element in root.iter()]
-    return [
-        (folder / name).resolve()
-        for folder in folders
-        for name in filter(None, names)
-        if (folder / name).is_file()
-    ]
-
-
-def _find_corners(bodies: Sequence[Body]) -> Array:
-    """Find the corners (N, 3) of the boxes around all shapes, in the file's frame."""
-    found = []
-    for body in bodies:
-        for geom in body.collisions or body.visuals:
-            middle, size = geom.shape.bounds
-            corners = box_corners(middle - size / 2, middle + size / 2)
-            pose: Pose = body.pose @ geom.pose
-            found.append(pose.apply(corners))
-
-    if not found:
-        raise UserError("nothing in the file has a shape")
-
-    return np.vstack(found)
+    return boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
 
 
 def _choose_place(low: Array, high: Array) -> list[float]:

@@ -1,7 +1,5 @@
 """Descriptions are mended as told."""
 
-import pytest
-
 from core.geometry import Cylinder
 from core.values.descriptions import Inertial, Origin, RobotShape
 from plugins.robots.example_robots import mend
@@ -19,11 +17,6 @@ def test_dropped_links_are_gone_with_their_joints():
     left = arm(drop=gone)
     assert not gone & {*left.links, *left.joints}
     assert sum(joint.kind == "revolute" for joint in left.joints.values()) == 6
-
-
-def test_what_is_not_there_is_named():
-    with pytest.raises(LookupError, match="no link 'hand'"):
-        mend(UR5, drop=["hand"])
 
 
 def test_inertias_and_limits_are_replaced():

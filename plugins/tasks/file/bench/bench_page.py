@@ -16,6 +16,7 @@ from core.geometry import Array, Pose
 from core.interfaces import Simulator, Task
 from core.simulation.pictures import png, report_missing
 from plugins.tasks.file.bench.checks import SURROUNDINGS
+from plugins.tasks.file.bench.fitting import list_corners
 from plugins.tasks.file.bench.photographs import Photograph
 from plugins.tasks.file.bench.scene_replies import Sighting
 
@@ -40,9 +41,7 @@ def draw_page(
     measures = dict[str, str]()
     for body in task.scene(0).bodies:
         if body.name not in SURROUNDINGS:
-            geoms = body.collisions or body.visuals
-            local = [g.pose.apply(g.shape.to_trimesh().vertices) for g in geoms]
-            corners = np.concatenate(local)
+            corners = list_corners(body)
             low = corners.min(axis=0)
             high = corners.max(axis=0)
             bodies[body.name] = body.pose.apply(corners)

@@ -94,7 +94,7 @@ def find_by_board(
 
     scale = marker_mm / (1000 * MARKER_M)
     say(f"board: middle at ({x:g}, {y:g}), yaw {yaw_deg:g} degrees; {_YAW}")
-    frame = Pose.xyz_rpy((x, y, 0.0), (0.0, 0.0, np.radians(yaw_deg)))
+    frame = find_frame(place)
     cv2 = load_opencv()
     board = _board()
     settings = cv2.aruco.DetectorParameters()
@@ -127,6 +127,12 @@ def find_by_board(
             found.append(replace(photograph, landmarks=landmarks))
 
     return found
+
+
+def find_frame(place: Sequence[float]) -> Pose:
+    """Return the pose of a board that lies at x, y, turned by yaw, m and degrees."""
+    x, y, yaw_deg = place
+    return Pose.xyz_rpy((x, y, 0.0), (0.0, 0.0, np.radians(yaw_deg)))
 
 
 def _describe(photograph: Photograph) -> Photograph:

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 from core.errors import UserError
 from core.geometry import Array, Shape
-from core.scene import Scene
+from core.scene import Body, Scene
 from core.solids.standing import OVERLAP_M
 from plugins.tasks.file.bench.cameras import Bundle
 from plugins.tasks.file.bench.marks import Numbers
@@ -387,14 +387,20 @@ def _describe_miss(sighting: Sighting, off: Array) -> str:
     )
 
 
+def list_corners(body: Body) -> Array:
+    """List the corners (N, 3) of a body's shapes, in its frame."""
+    geoms = body.collisions or body.visuals
+    return np.concatenate([g.pose.apply(_find_corners(g.shape)) for g in geoms])
+
+
 def place_points(scene: Scene, sighting: Sighting) -> Array:
     """Return what was sighted, in the world: one point (1, 3), or all corners (N, 3) of a body in a box."""
     body = scene[sighting.body]
-    geoms = body.collisions or body.visuals
     frame = body.pose
     if len(sighting.pixels) == 4 or sighting.part is None:
-        corners = np.concatenate([g.pose.apply(_find_corners(g.shape)) for g in geoms])
+        corners = list_corners(body)
     else:
+        geoms = body.collisions or body.visuals
         geom = geoms[sighting.part % len(geoms)]
         frame = frame @ geom.pose
         corners = _find_corners(geom.shape)

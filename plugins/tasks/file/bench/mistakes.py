@@ -7,10 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-import numpy as np
-
 from core.errors import UserError
-from core.geometry import Array, Pose
+from core.geometry import Array
+from plugins.tasks.file.bench.board import find_frame
 from plugins.tasks.file.bench.fitting import BASE, Evidence, Fit, measure_misfit
 from plugins.tasks.file.bench.marks import Numbers
 from plugins.tasks.file.bench.photographs import Photograph
@@ -197,8 +196,8 @@ def _lay_board(
     there: Sequence[float],
 ) -> list[Photograph] | None:
     """Return photographs as if the board lay elsewhere; None: no camera sees it so."""
-    before = _frame(here)
-    after = _frame(there)
+    before = find_frame(here)
+    after = find_frame(there)
     moved = []
     for photograph in photographs:
         known = photograph.landmarks
@@ -220,11 +219,6 @@ def _lay_board(
             moved.append(replace(photograph, landmarks=landmarks))
 
     return moved
-
-
-def _frame(place: Sequence[float]) -> Pose:
-    x, y, yaw_deg = place
-    return Pose.xyz_rpy((x, y, 0.0), (0.0, 0.0, np.radians(yaw_deg)))
 
 
 def _leave_out_moved(evidence: Evidence) -> Iterator[Hypothesis]:

@@ -203,13 +203,12 @@ class _Making:
                 if head in self._moving:
                     places[head] = frame @ joint.moved(_find_start(joint))
                     bearer = parent if parent in bearers & bodies.keys() else None
-                    joints += self._joints(joint, bearer)
-
+                    if joint.kind != "floating":
+                        joints.append(self._joint(joint, bearer))
             body = self._body(head, places[head], heads[head], head in standing)
             if body is not None:
                 bodies[head] = body
 
-        self._note_motors()
         return Imported(tuple(bodies.values()), tuple(joints), tuple(self._notes))
 
     def _moves(self, joint: RobotJoint) -> bool:
@@ -242,21 +241,8 @@ class _Making:
 
         return joint.kind not in ("fixed", "planar")
 
-    def _note_motors(self) -> None:
-        """Note what motors do, which is left out."""
-        joints = [self._tree.joints[child] for child in self._moving]
-        if any(joint.limits.effort or joint.limits.velocity for joint in joints):
-            self._notes.append(
-                "left out: limits of effort and velocity, as nothing drives the joints"
-            )
-        if any(joint.armature for joint in joints):
-            self._notes.append("left out: armature of joints")
-
-    def _joints(self, joint: RobotJoint, bearer: str | None) -> list[Joint]:
-        """Make a joint that moves against a body, or None: the world; none for what is free to move."""
-        if joint.kind == "floating":
-            return []
-
+    def _joint(self, joint: RobotJoint, bearer: str | None) -> Joint:
+        """Make a joint that moves against a body, or None: the world."""
         kind: Literal["hinge", "slider", "ball"] = "hinge"
         lower, upper = joint.range
         if joint.kind == "prismatic":
@@ -269,7 +255,7 @@ class _Making:
             upper = math.inf
 
         stiffness, rest = joint.spring or (0.0, 0.0)
-        made = Joint(
+        return Joint(
             joint.name,
             kind,
             joint.child,
@@ -284,7 +270,6 @@ class _Making:
             stiffness=stiffness,
             rest=rest,
         )
-        return [made]
 
     def _body(
         self,

@@ -55,7 +55,7 @@ def read_model(
     """
     left = Counter[str]()
     try:
-        _strip(root, file, folder, left)
+        _strip(root, file, folder, left, {file.resolve()})
         _leave_out(root, without, prefix)
         packed = _pack(root, file, folder)
         binary = isolated(compile_model, "the model", packed, limit_s=LIMIT_S)
@@ -148,43 +148,50 @@ def _pack(root: Element, file: Path, folder: Path) -> bytes:
     return stream.getvalue()
 
 
-def _strip(root: Element, file: Path, folder: Path, left: Counter[str]) -> None:
+def _strip(
+    element: Element,
+    file: Path,
+    folder: Path,
+    left: Counter[str],
+    included: set[Path],
+    depth: int = 0,
+) -> int:
     """Put in what is included, leave out what is not read, and count that.
 
+    Returns:
+        How many elements there are, with all copies.
     Raises:
         UserError: there is too much, or a file can't be included.
     """
-    waiting = [(root, 0, 1)]
-    included = {file.resolve()}
-    total = 0
+    if depth > MAX_DEPTH:
+        raise UserError(f"elements are nested more than {MAX_DEPTH} deep")
+
+    count = 1
+    waiting = [*reversed(element)]
+    element[:] = []
     while waiting:
-        element, depth, copies = waiting.pop()
-        copies *= _count_copies(element)
-        total += copies
-        if depth > MAX_DEPTH:
-            raise UserError(f"elements are nested more than {MAX_DEPTH} deep")
-        if total > MAX_ELEMENTS:
-            raise UserError(
-                f"there are more than {MAX_ELEMENTS} elements, with all copies; leave some out"
-            )
+        child = waiting.pop()
+        if child.tag == "include":
+            other = (file.parent / child.get("file", "")).resolve()
+            if other in included:
+                raise UserError(f"{other} is included twice; leave one of them out")
 
-        children = [*reversed(element)]
-        element[:] = []
-        while children:
-            child = children.pop()
-            if child.tag == "include":
-                other = (file.parent / child.get("file", "")).resolve()
-                if other in included:
-                    raise UserError(f"{other} is included twice; leave one of them out")
+            included.add(other)
+            part = read_inside(other, folder, "MJCF", MAX_BYTES / 1e6)
+            waiting += reversed(read_xml(part, other))
+        elif child.tag in _READ and child.get("type") not in ("hfield", "sdf"):
+            element.append(child)
+            count += _strip(child, file, folder, left, included, depth + 1)
+        else:
+            left[clean(f"{child.tag} {child.get('type', '')}", 40)] += 1
 
-                included.add(other)
-                part = read_inside(other, folder, "MJCF", MAX_BYTES / 1e6)
-                children += reversed(read_xml(part, other))
-            elif child.tag in _READ and child.get("type") not in ("hfield", "sdf"):
-                element.append(child)
-                waiting.append((child, depth + 1, copies))
-            else:
-                left[clean(f"{child.tag} {child.get('type', '')}", 40)] += 1
+    count *= _count_copies(element)
+    if count > MAX_ELEMENTS:
+        raise UserError(
+            f"there are more than {MAX_ELEMENTS} elements, with all copies; leave some out"
+        )
+
+    return count
 
 
 def _count_copies(element: Element) -> int:
