@@ -28,7 +28,7 @@ class Broken(Reach):
     in place.
     """
 
-    broken: tuple[str, ...]
+    broken: Names
 
     keys: ClassVar = {
         "broken": Key(Names, "Bodies and bonds that must break", head=True)
@@ -51,7 +51,7 @@ class Broken(Reach):
     def subject(self) -> str:
         return (" or " if self.any else ", ").join(self.broken)
 
-    def subjects(self, state: State) -> tuple[str, ...]:
+    def subjects(self, state: State) -> Names:
         bonds = state.bonds
         bodies = [bonds[n].body if n in bonds else n for n in self.broken]
         return tuple(dict.fromkeys(bodies))
@@ -80,7 +80,7 @@ class Broken(Reach):
         return [Margin.at_least(f"force on {name}", strains[name], 1.0, BREAKS, 1.0)]
 
     @property
-    def breaks(self) -> tuple[str, ...]:
+    def breaks(self) -> Names:
         return self.broken
 
     def words(self) -> str:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 from core.errors import UsageError, choices
 from core.geometry import Array
 from core.goals.evidence import Evidence
-from core.goals.keys import NEAR_ENOUGH, Key
+from core.goals.keys import NEAR_ENOUGH, Key, Names
 from core.goals.sites import Site, find_names, list_names
 from core.scene import FIXTURE, Scene
 from core.values.margins import Margin
@@ -223,7 +223,7 @@ class Goal(ABC):
         yield from ()
 
 
-def _listed(names: str | tuple[str, ...] | None) -> tuple[str, ...]:
+def _listed(names: str | Names | None) -> Names:
     """Return what a field names; None: nothing."""
     if isinstance(names, str):
         return (names,)
@@ -231,7 +231,7 @@ def _listed(names: str | tuple[str, ...] | None) -> tuple[str, ...]:
     return names or ()
 
 
-def _check_listed(what: str, names: str | tuple[str, ...] | None, scene: Scene) -> None:
+def _check_listed(what: str, names: str | Names | None, scene: Scene) -> None:
     """Refuse names that a scene does not have of a sort of things.
 
     Raises:

@@ -13,7 +13,7 @@ from core.errors import refuse
 from core.geometry import Array
 from core.goals.evidence import Evidence
 from core.goals.goal import Given
-from core.goals.keys import AboveZero, KeptNames, Key
+from core.goals.keys import AboveZero, KeptNames, Key, Names
 from core.goals.limit import Breach, Limit
 from core.goals.reaching import Reach
 from core.goals.sites import FREE_BODY, Site
@@ -41,12 +41,12 @@ class Kept(Limit):
         rounds: bodies of which only the turn of the axis can be seen.
     """
 
-    keep: tuple[str, ...]
+    keep: Names
     kept_m: float = KEPT_M
     throughout: bool = False
     kept_deg: float = KEPT_DEG
-    balls: tuple[str, ...] = ()
-    rounds: tuple[str, ...] = ()
+    balls: Names = ()
+    rounds: Names = ()
 
     orients: ClassVar = True
     keys: ClassVar = {
@@ -69,11 +69,6 @@ class Kept(Limit):
     def needs_trace(self) -> bool:
         """Whether it looks at what happened before the end."""
         return self.throughout
-
-    @property
-    def lost_m(self) -> float:
-        """How far a body may move until nothing is earned, m."""
-        return STRAYED * self.kept_m
 
     def _strayed(self, name: str, evidence: Evidence) -> tuple[Array, Array]:
         """Measure how far a body got from its start, m, and was turned, degrees, (...) each."""
@@ -144,7 +139,7 @@ class Kept(Limit):
         when = " throughout" if self.throughout else ""
         return (
             f"leave {', '.join(self.keep)} in place{when}: less is earned beyond {self.kept_m:g} m, nothing from "
-            f"{self.lost_m:g} m on"
+            f"{STRAYED * self.kept_m:g} m on"
         )
 
     @classmethod

@@ -59,7 +59,7 @@ class Reach(Goal):
         turns: whether it asks for a turn, which a soft body does not have.
     """
 
-    bodies: tuple[str, ...] = ()
+    bodies: Names = ()
     _: KW_ONLY
     any: bool = False
     enough: int | float | None = None
@@ -167,7 +167,7 @@ class Reach(Goal):
         turns = length(moved.angular) / STILL_RAD_S
         return np.maximum(slides, turns)
 
-    def subjects(self, state: State) -> tuple[str, ...]:
+    def subjects(self, state: State) -> Names:
         """Return the bodies that are looked at."""
         return self.bodies
 
@@ -183,7 +183,7 @@ class Reach(Goal):
         return () if node is None else (node,)
 
     @property
-    def breaks(self) -> tuple[str, ...]:
+    def breaks(self) -> Names:
         """What it wants to break."""
         return ()
 

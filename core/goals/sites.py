@@ -11,7 +11,7 @@ import numpy as np
 
 from core.errors import choices
 from core.geometry import Array
-from core.scene import FIXTURE, Body, Scene
+from core.scene import FIXTURE, Scene
 from core.values.tools import Fixture
 
 NO_WAY_M = 1.0  # what leads into no space counts as so long
@@ -73,16 +73,13 @@ def list_names(what: str, scene: Scene) -> list[str]:
     if what == FREE_BODY:
         return [body.name for body in scene.free]
     if what == SOLID_BODY:
-        return [body.name for body in scene.bodies if _is_solid(body)]
+        # A mark can't be touched, unless a design's fixture takes its place.
+        solid = [b for b in scene.bodies if b.collides or b.name == FIXTURE]
+        return [body.name for body in solid]
     if what == BREAKABLE:
         return [*scene.breakable]
 
     return [body.name for body in scene.bodies]
-
-
-def _is_solid(body: Body) -> bool:
-    """Report whether something can touch a body: a mark can't be touched, unless a design's fixture takes its place."""
-    return body.collides or body.name == FIXTURE
 
 
 def find_names(patterns: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:

@@ -23,7 +23,7 @@ from core.values.margins import Margin
 class Unbroken(Limit):
     """Bodies and bonds that must not break, whatever loads them: ``unbroken`` names them."""
 
-    unbroken: tuple[str, ...]
+    unbroken: Names
 
     keys: ClassVar = {
         "unbroken": Key(

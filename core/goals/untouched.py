@@ -37,10 +37,10 @@ class Untouched(Limit):
         by: the bodies that must not touch them; empty: the robot.
     """
 
-    untouched: tuple[str, ...]
+    untouched: Names
     max_force_n: float = 0.0
     mean: bool = False
-    by: tuple[str, ...] = ()
+    by: Names = ()
 
     keys: ClassVar = {
         "untouched": Key(
@@ -67,7 +67,7 @@ class Untouched(Limit):
         return self.max_force_n > 0 and not self.mean
 
     @property
-    def touchers(self) -> tuple[str, ...]:
+    def touchers(self) -> Names:
         """What must not touch them, as a trace names it."""
         return self.by or ("robot",)
 
