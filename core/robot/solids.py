@@ -19,6 +19,7 @@ from core.geometry import Array, Pose, Shape
 from core.robot.description import assembled
 from core.robot.meshes import solid_of
 from core.scene import Body, Geom
+from core.shapes.solid import box_corners as box_corners
 from core.values.robots import Robot
 
 WORLD = -1  # the frame of what never moves
@@ -103,13 +104,6 @@ def shape_solid(body: Body, part: Geom, frame: int = WORLD) -> Solid:
 def signed_distance(a: Solid, b: Solid) -> float:
     """Measure the distance of two solids in one frame, metres; a negative one is the penetration depth."""
     return contact(a, b)[0]
-
-
-def box_corners(low: Array, high: Array) -> Array:
-    """Return the corners (8, 3) of a box along the axes, around its bottom and then around its top."""
-    import trimesh  # which takes half a second
-
-    return np.asarray(trimesh.bounds.corners([low, high]))
 
 
 def contact(a: Solid, b: Solid) -> tuple[float, Array, Array]:

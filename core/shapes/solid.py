@@ -105,12 +105,8 @@ class Shape(ABC):
     @property
     def corners(self) -> Array:
         """Those (8, 3) of the bounding box along the shape's own axes."""
-        import trimesh
-
         middle, size = self.bounds
-        return np.asarray(
-            trimesh.bounds.corners([middle - size / 2, middle + size / 2])
-        )
+        return box_corners(middle - size / 2, middle + size / 2)
 
     @property
     def thickness(self) -> float:
@@ -320,6 +316,13 @@ def _measure_thickness(mesh: Mesh) -> float:
     across = np.ptp(convex.vertices @ convex.face_normals.T, axis=0)
 
     return min(straight, float(across.min()))
+
+
+def box_corners(low: Array, high: Array) -> Array:
+    """Return the corners (8, 3) of a box along the axes, around its bottom and then around its top."""
+    import trimesh
+
+    return np.asarray(trimesh.bounds.corners([low, high]))
 
 
 def convex_hull(corners: Array) -> Any:

@@ -18,6 +18,7 @@ from core.robot.trajectory import at_home
 from core.scene import Scene
 from core.simulation.playback import play
 from core.solids.standing import MOST_HZ, find_rate, list_flights
+from core.support.text import list_some
 
 LIGHT_KG = 2e-4
 """What is lighter needs `Ability.LIGHT_BODIES`."""
@@ -91,10 +92,7 @@ def check_support(simulator: Simulator, task: str, scene: Scene, job: Rollout) -
 
         what = ability.value
         if names:
-            listed = ", ".join(names[:_LISTED])
-            if len(names) > _LISTED:
-                listed += f" and {len(names) - _LISTED} more"
-            what += f" ({listed})"
+            what += f" ({list_some(names, _LISTED)})"
 
         problem = f"{_name(simulator)} does not support {what}"
         if ability in _OF_DESIGNS:

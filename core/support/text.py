@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 # What Hydra reads as a text: no number, and none of its other values.
@@ -77,6 +77,15 @@ def short_numbers(values: Iterable[float], digits: int, between: str = " ") -> s
 def shorten(text: str, length: int = 40) -> str:
     """Quote ``text``, cut to ``length`` characters, as for a reason that repeats what a model wrote."""
     return repr(_cut(text, length))
+
+
+def list_some(names: Sequence[object], most: int) -> str:
+    """List the first of some names, and say how many more there are."""
+    listed = ", ".join(map(str, names[:most]))
+    if len(names) > most:
+        listed += f" and {len(names) - most} more"
+
+    return listed
 
 
 def number(value: float | None, digits: int) -> str:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from core.errors import UsageError, check_positive, choices
 from core.geometry import Array
+from core.support.text import list_some
 from core.values.harmless import Harmless
 from core.values.motions import JointTrajectory, Motion
 from core.values.states import State
@@ -70,11 +71,7 @@ def _say_left(names: Sequence[str]) -> str:
     if not names:
         return "all in place"
 
-    listed = ", ".join(names[:_LISTED])
-    if len(names) > _LISTED:
-        listed += f" and {len(names) - _LISTED} more"
-
-    return f"{listed} not in place"
+    return f"{list_some(names, _LISTED)} not in place"
 
 
 _LISTED = 4  # bodies that a look names

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from core.geometry import Array
+from core.support.text import list_some
 
 _SLOWED = 1.05  # from here on it is reported
 _NAMED = 3  # waypoints that are named
@@ -87,10 +88,7 @@ class Motion:
         if len(late) == 0:
             return []
 
-        names = ", ".join(map(str, late[:_NAMED]))
-        if len(late) > _NAMED:
-            names += f" and {len(late) - _NAMED} more"
-
+        names = list_some(late.tolist(), _NAMED)
         return [
             f"waypoint {names}: the arm's limits make the way there up to {self.slowed.max():.1f} times slower than "
             "asked"
