@@ -13,46 +13,66 @@ A kind is one class in one file, and a line here. `goal` has what all kinds shar
 `limit` a `Limit`. They are judged by `evidence`, measure by `measures`, and scene files say them by `keys`.
 """
 
-from core.goals.evidence import Conduct as Conduct
-from core.goals.evidence import Evidence as Evidence
-from core.goals.goal import Given as Given
-from core.goals.goal import Goal as Goal
+# ruff: noqa: I001 - names that are handed on (`X as X`) stand together
+
+from core.goals.evidence import (
+    Conduct as Conduct,
+    Evidence as Evidence,
+)
+from core.goals.goal import (
+    Given as Given,
+    Goal as Goal,
+)
 from core.goals.inside import EMPTY as EMPTY
-from core.goals.keys import AboveZero as AboveZero
-from core.goals.keys import Bound as Bound
-from core.goals.keys import Direction as Direction
-from core.goals.keys import Key as Key
-from core.goals.keys import Least as Least
-from core.goals.keys import Most as Most
-from core.goals.keys import Names as Names
-from core.goals.limit import Breach as Breach
-from core.goals.limit import Limit as Limit
-from core.goals.limit import limits as limits
-from core.goals.measures import SLIP_DEG as SLIP_DEG
-from core.goals.measures import SLIP_M as SLIP_M
-from core.goals.measures import SLIP_RAD as SLIP_RAD
-from core.goals.measures import Measure as Measure
-from core.goals.phrases import Coordinate as Coordinate
-from core.goals.phrases import Coordinates as Coordinates
-from core.goals.reaching import Reach as Reach
-from core.goals.reaching import find_wants as find_wants
-from core.goals.reaching import numbered as numbered
-from core.goals.reaching import reaches as reaches
-from core.goals.rewards import Aim as Aim
-from core.goals.rewards import are_goals_met as are_goals_met
-from core.goals.rewards import goals_margins as goals_margins
-from core.goals.rewards import goals_reward as goals_reward
-from core.goals.rewards import goals_shares as goals_shares
-from core.goals.rewards import limits_margins as limits_margins
-from core.goals.sites import ANY_BODY as ANY_BODY
-from core.goals.sites import BREAKABLE as BREAKABLE
-from core.goals.sites import FREE_BODY as FREE_BODY
-from core.goals.sites import JOINT as JOINT
-from core.goals.sites import SOLID_BODY as SOLID_BODY
-from core.goals.sites import Site as Site
-from core.goals.sites import Space as Space
-from core.goals.sites import find_names as find_names
-from core.goals.sites import list_names as list_names
+from core.goals.keys import (
+    AboveZero as AboveZero,
+    Bound as Bound,
+    Direction as Direction,
+    Key as Key,
+    Least as Least,
+    Most as Most,
+    Names as Names,
+)
+from core.goals.limit import (
+    Breach as Breach,
+    Limit as Limit,
+    limits as limits,
+)
+from core.goals.measures import (
+    SLIP_DEG as SLIP_DEG,
+    SLIP_M as SLIP_M,
+    SLIP_RAD as SLIP_RAD,
+    Measure as Measure,
+)
+from core.goals.phrases import (
+    Coordinate as Coordinate,
+    Coordinates as Coordinates,
+)
+from core.goals.reaching import (
+    Reach as Reach,
+    find_wants as find_wants,
+    numbered as numbered,
+    reaches as reaches,
+)
+from core.goals.rewards import (
+    Aim as Aim,
+    are_goals_met as are_goals_met,
+    goals_margins as goals_margins,
+    goals_reward as goals_reward,
+    goals_shares as goals_shares,
+    limits_margins as limits_margins,
+)
+from core.goals.sites import (
+    ANY_BODY as ANY_BODY,
+    BREAKABLE as BREAKABLE,
+    FREE_BODY as FREE_BODY,
+    JOINT as JOINT,
+    SOLID_BODY as SOLID_BODY,
+    Site as Site,
+    Space as Space,
+    find_names as find_names,
+    list_names as list_names,
+)
 from core.goals.wants import Want as Want
 from core.values.spans import Span as Span
 
