@@ -6,7 +6,6 @@ client takes no answers, and ends when the client closes its side, whatever beco
 
 from __future__ import annotations
 
-import json
 import select
 from contextlib import suppress
 from typing import Any, BinaryIO
@@ -169,38 +168,16 @@ def _is_closed(stream: BinaryIO) -> bool:
 def _parse(line: bytes) -> types.JSONRPCMessage:
     """Return the message that a line holds; an error where it is none."""
     if len(line) >= LONGEST_LINE:
-        return _refuse(f"a message has at most {LONGEST_LINE:,} bytes", None)
+        return _refuse(f"a message has at most {LONGEST_LINE:,} bytes")
     try:
-        message = types.jsonrpc_message_adapter.validate_json(line)
+        return types.jsonrpc_message_adapter.validate_json(line)
     except ValidationError as error:
         wrong = error.errors(include_url=False)[0]["msg"]
-        return _refuse(clean(wrong, _MOST_SAID), _find_id(line))
-
-    is_odd = isinstance(message, types.JSONRPCNotification) and b'"id"' in line
-    if is_odd and "id" in _read_object(line):
-        return _refuse("the id of a request is a number or a text", None)
-    return message
+        return _refuse(clean(wrong, _MOST_SAID))
 
 
-def _refuse(wrong: str, request: types.RequestId | None) -> types.JSONRPCError:
+def _refuse(wrong: str) -> types.JSONRPCError:
     """Make the answer to a line that is no message."""
     words = f"the line is no message: {wrong}"
     data = types.ErrorData(code=types.PARSE_ERROR, message=words)
-    return types.JSONRPCError(jsonrpc="2.0", id=request, error=data)
-
-
-def _find_id(line: bytes) -> types.RequestId | None:
-    """Return the id of the request that a line was meant to be, if that can be read."""
-    request = _read_object(line).get("id")
-    is_number = isinstance(request, int) and not isinstance(request, bool)
-    is_text = isinstance(request, str) and request == clean(request, _MOST_SAID)
-    return request if is_number or is_text else None
-
-
-def _read_object(line: bytes) -> dict[str, Any]:
-    """Read a line by Python's own reader of JSON, which takes more; empty: it is no object."""
-    try:
-        found = json.loads(line)
-    except (ValueError, RecursionError):
-        return {}
-    return found if isinstance(found, dict) else {}
+    return types.JSONRPCError(jsonrpc="2.0", id=None, error=data)

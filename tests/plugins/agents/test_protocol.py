@@ -118,23 +118,22 @@ def test_the_server_says_its_version(raw):
 
 
 LINES = (
-    (b'{"jsonrpc":"2.0","id":903,"method":"ping"', None),
-    (b"hello", None),
-    (b"[" * 100_000, None),
-    (b'{"jsonrpc":"2.0","id":null,"method":"ping"}', None),
-    (b'{"jsonrpc":"2.0","id":904,"method":"ping","params":{"a":"\\ud83d"}}', 904),
-    (b'{"jsonrpc":"2.0","id":"a","method":3}', "a"),
-    (b'{"jsonrpc":"2.0","id":true,"method":3}', None),
-    (b'{"id":"\\u001b[31m' + b"x" * 300 + b'"}', None),
-    (b'{"id":905,"params":"' + b"x" * LONGEST_LINE + b'"}', None),
+    b'{"jsonrpc":"2.0","id":903,"method":"ping"',
+    b"hello",
+    b"[" * 100_000,
+    b'{"jsonrpc":"2.0","id":904,"method":"ping","params":{"a":"\\ud83d"}}',
+    b'{"jsonrpc":"2.0","id":"a","method":3}',
+    b'{"jsonrpc":"2.0","id":true,"method":3}',
+    b'{"id":"\\u001b[31m' + b"x" * 300 + b'"}',
+    b'{"id":905,"params":"' + b"x" * LONGEST_LINE + b'"}',
 )
 
 
 def test_a_line_that_is_no_message_is_answered(raw):
-    for line, request_id in LINES:
+    for line in LINES:
         raw.write(line)
         answer = raw.read()
-        assert answer["id"] == request_id
+        assert answer["id"] is None
         assert answer["error"]["code"] == -32700
         assert len(answer["error"]["message"]) < 300
         raw.ask(2, "ping", {})
