@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar
 
 import numpy as np
 
@@ -11,8 +10,6 @@ from plugins.vlms.offline.heads import Head, Step, at, box, build_walls
 from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import (
-    Range,
-    Ranges,
     Way,
     move_along,
     wall_height,
@@ -30,18 +27,18 @@ class Cage(Way):
 
     name = "cage"
     title = "leads a body along the ground between walls, which also stop what rolls"
-    sizes: ClassVar[Ranges] = {
-        "room": Range(0.003, 0.025),  # between the body and each wall
-        "height": Range(0.5, 1.2),  # of the body's
-        "thick": Range(0.005, 0.01),
-        "depth": Range(0.5, 1.1),  # of the body's, of the walls beside it
-        "front": Range(0.0, 1.0),  # from a half on there is a wall before the body
+    sizes = {
+        "room": (0.003, 0.025),  # between the body and each wall
+        "height": (0.5, 1.2),  # of the body's
+        "thick": (0.005, 0.01),
+        "depth": (0.5, 1.1),  # of the body's, of the walls beside it
+        "front": (0.0, 1.0),  # from a half on there is a wall before the body
     }
-    moves: ClassVar[Ranges] = {
-        "above": Range(0.002, 0.008),  # the ground
-        "farther": Range(-0.02, 0.02),  # than the body has to go
-        "speed": Range(0.1, 0.35),
-        "leaves": Range(0.0, 1.0),  # from a half on
+    moves = {
+        "above": (0.002, 0.008),  # the ground
+        "farther": (-0.02, 0.02),  # than the body has to go
+        "speed": (0.1, 0.35),
+        "leaves": (0.0, 1.0),  # from a half on
     }
 
     def suits(self, job: Job) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from plugins.vlms.offline.hand import hand_of
 from plugins.vlms.offline.heads import Head, Step, at, box
 from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.recipe import Values
-from plugins.vlms.offline.ways.way import Range, Ranges, Way, above
+from plugins.vlms.offline.ways.way import Way, above
 
 _NARROW = (
     1.03  # times its least width, a body is wide where fingers close: else it turns
@@ -40,20 +39,20 @@ class Grip(Way):
     fingers = True
     bolted = True
     title = "closes long fingers on a body, and carries it"
-    sizes: ClassVar[Ranges] = {
-        "room": Range(0.004, 0.01),  # between the body and each pad, open
-        "thick": Range(0.004, 0.008),
-        "length": Range(0.2, 0.8),  # of the body's
-        "height": Range(0.4, 1.0),  # of the body's
-        "into": Range(0.7, 1.0),  # what stands around the body, in finger lengths
-        "ahead": Range(-0.05, 0.05),  # of the hand, beside what the arm lacks
+    sizes = {
+        "room": (0.004, 0.01),  # between the body and each pad, open
+        "thick": (0.004, 0.008),
+        "length": (0.2, 0.8),  # of the body's
+        "height": (0.4, 1.0),  # of the body's
+        "into": (0.7, 1.0),  # what stands around the body, in finger lengths
+        "ahead": (-0.05, 0.05),  # of the hand, beside what the arm lacks
     }
-    moves: ClassVar[Ranges] = {
-        "low": Range(0.0, 0.4),  # above the body's foot, in its heights
-        "turn": Range(-0.1, 0.1),  # about the vertical
-        "higher": Range(0.0, 0.03),  # than the body has to get
-        "lifting": Range(0.1, 0.3),  # speed
-        "carrying": Range(0.1, 0.4),  # speed
+    moves = {
+        "low": (0.0, 0.4),  # above the body's foot, in its heights
+        "turn": (-0.1, 0.1),  # about the vertical
+        "higher": (0.0, 0.03),  # than the body has to get
+        "lifting": (0.1, 0.3),  # speed
+        "carrying": (0.1, 0.4),  # speed
     }
 
     def suits(self, job: Job) -> float:
@@ -151,7 +150,7 @@ class Hand(Grip):
     name = "hand"
     bare = True
     title = "is the hand itself, whose fingers close on a body"
-    sizes: ClassVar[Ranges] = {}
+    sizes = {}
 
     def suits(self, job: Job) -> float:
         if _measure_lack(job) != 0 or job.size[1] > hand_of(job.layout.robot).widest:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,6 @@ from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import (
     BACK_M,
     OVER_M,
-    Range,
-    Ranges,
     Way,
     above,
     leaves,
@@ -72,19 +70,19 @@ class Hook(Way):
 
     name = "hook"
     title = "passes bodies, over them or beside them, gets behind them with a toe, and pulls"
-    sizes: ClassVar[Ranges] = {
-        "place": Range(0.0, 1.0),  # over, left or right, where there is room
-        "toe": Range(0.5, 0.9),  # long, of the room that is left
-        "breadth": Range(0.3, 0.9),  # of arm and toe, of the bodies' side
-        "ahead": Range(0.02, 0.1),  # of the bodies the arm goes on
-        "behind": Range(0.003, 0.012),  # the bodies, the toe gets in
+    sizes = {
+        "place": (0.0, 1.0),  # over, left or right, where there is room
+        "toe": (0.5, 0.9),  # long, of the room that is left
+        "breadth": (0.3, 0.9),  # of arm and toe, of the bodies' side
+        "ahead": (0.02, 0.1),  # of the bodies the arm goes on
+        "behind": (0.003, 0.012),  # the bodies, the toe gets in
     }
-    moves: ClassVar[Ranges] = {
-        "low": Range(0.002, 0.02),  # over the ground; over bodies a quarter of it
-        "before": Range(0.01, 0.04),  # the bodies, where it comes down
-        "farther": Range(-0.02, 0.03),  # than the bodies have to go
-        "speed": Range(0.1, 0.35),
-        "leaves": Range(0.0, 1.0),  # from a half on
+    moves = {
+        "low": (0.002, 0.02),  # over the ground; over bodies a quarter of it
+        "before": (0.01, 0.04),  # the bodies, where it comes down
+        "farther": (-0.02, 0.03),  # than the bodies have to go
+        "speed": (0.1, 0.35),
+        "leaves": (0.0, 1.0),  # from a half on
     }
 
     def suits(self, job: Job) -> float:

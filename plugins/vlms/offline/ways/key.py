@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import ClassVar
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from plugins.vlms.offline.heads import Head, Step, at, box
 from plugins.vlms.offline.job import Job, span
 from plugins.vlms.offline.layout import solid_points
 from plugins.vlms.offline.recipe import Values
-from plugins.vlms.offline.ways.way import Range, Ranges, Way, above
+from plugins.vlms.offline.ways.way import Way, above
 
 _BIT_M = 0.008  # high, to bear a body
 _STEM_M = 0.07  # longer than the body is high: what bears the key stays above it
@@ -26,14 +25,14 @@ class Key(Way):
     name = "key"
     title = "goes through a slot, turns below it, and lifts"
     approaches = True
-    sizes: ClassVar[Ranges] = {
-        "length": Range(_SHORTEST, 0.95),  # of the slot's
-        "width": Range(0.3, 0.6),  # of the slot's
+    sizes = {
+        "length": (_SHORTEST, 0.95),  # of the slot's
+        "width": (0.3, 0.6),  # of the slot's
     }
-    moves: ClassVar[Ranges] = {
-        "below": Range(0.004, 0.02),  # the body, as it turns
-        "higher": Range(0.0, 0.03),  # than the body has to get
-        "lifting": Range(0.05, 0.2),
+    moves = {
+        "below": (0.004, 0.02),  # the body, as it turns
+        "higher": (0.0, 0.03),  # than the body has to get
+        "lifting": (0.05, 0.2),
     }
 
     def suits(self, job: Job) -> float:

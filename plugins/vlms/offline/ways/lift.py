@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from plugins.vlms.offline.handles import Handles, find_handles
 from plugins.vlms.offline.heads import Head, Step, at, box
 from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.recipe import Values
-from plugins.vlms.offline.ways.way import Range, Ranges, Way, above
+from plugins.vlms.offline.ways.way import Way, above
 
 _LEAST_TINE_M = 0.004  # a tine is at least so thick, to be made,
 _MOST_TINE_M = 0.012  # and at most
@@ -34,18 +33,18 @@ class Lift(Way):
     name = "lift"
     approaches = True
     title = "lifts bodies by what stands out of them, with two tines beside their foot"
-    sizes: ClassVar[Ranges] = {
-        "depth": Range(0.8, 1.1),  # of the bodies' length
-        "tine": Range(0.4, 0.9),  # wide, of what stands out
-        "thick": Range(0.3, 0.6),  # of the height below what stands out
-        "room": Range(0.002, 0.01),  # between tines and foot
-        "behind": Range(0.01, 0.04),  # bodies the wall stays
+    sizes = {
+        "depth": (0.8, 1.1),  # of the bodies' length
+        "tine": (0.4, 0.9),  # wide, of what stands out
+        "thick": (0.3, 0.6),  # of the height below what stands out
+        "room": (0.002, 0.01),  # between tines and foot
+        "behind": (0.01, 0.04),  # bodies the wall stays
     }
-    moves: ClassVar[Ranges] = {
-        "below": Range(0.002, 0.012),  # what stands out, as they go in
-        "higher": Range(0.0, 0.02),  # than the bodies have to get
-        "speed": Range(0.1, 0.35),
-        "lifting": Range(0.1, 0.35),  # speed
+    moves = {
+        "below": (0.002, 0.012),  # what stands out, as they go in
+        "higher": (0.0, 0.02),  # than the bodies have to get
+        "speed": (0.1, 0.35),
+        "lifting": (0.1, 0.35),  # speed
     }
 
     def suits(self, job: Job) -> float:

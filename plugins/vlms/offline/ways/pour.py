@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from plugins.vlms.offline.handles import find_handles
 from plugins.vlms.offline.heads import Head, Piece, Step, at, box
 from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.recipe import Values
-from plugins.vlms.offline.ways.way import Range, Ranges, Way
+from plugins.vlms.offline.ways.way import Way
 
 _PLATE_M = 0.012  # thick: the plate at the flange, and the crossbar before it
 _PLATE_WIDTH_M = 0.06  # covers a flange
@@ -43,23 +43,23 @@ class Pour(Way):
     approaches = True
     bolted = True
     title = "takes a vessel by its handles, carries it, and pours out what lies in it"
-    sizes: ClassVar[Ranges] = {
-        "drop": Range(0.07, 0.12),  # of the channels below the flange: clear of the arm
-        "room": Range(0.002, 0.005),  # around a handle
-        "lip": Range(0.004, 0.007),  # thickness of web and edges
-        "gap": Range(0.003, 0.012),  # between the crossbar and the vessel
-        "longer": Range(-0.04, 0.0),  # channels than handles
+    sizes = {
+        "drop": (0.07, 0.12),  # of the channels below the flange: clear of the arm
+        "room": (0.002, 0.005),  # around a handle
+        "lip": (0.004, 0.007),  # thickness of web and edges
+        "gap": (0.003, 0.012),  # between the crossbar and the vessel
+        "longer": (-0.04, 0.0),  # channels than handles
     }
-    moves: ClassVar[Ranges] = {
-        "behind": Range(0.01, 0.03),  # the vessel, where the channels come down
-        "above": Range(0.06, 0.15),  # from where they do
-        "taking": Range(0.1, 0.3),  # speed until the vessel is lifted
-        "higher": Range(0.0, 0.05),  # than the vessel has to pass
-        "carrying": Range(0.15, 0.4),  # speed
-        "heading": Range(-0.5, 0.8),  # at the place, beside the way from the robot
-        "turn": Range(2.2, 3.0),  # so far that walls slope down to the mouth
-        "side": Range(-1.0, 1.0),  # it turns to: the left from 0 on, the right below
-        "aside": Range(0.3, 0.7),  # of the drop, so that the mouth gets above the place
+    moves = {
+        "behind": (0.01, 0.03),  # the vessel, where the channels come down
+        "above": (0.06, 0.15),  # from where they do
+        "taking": (0.1, 0.3),  # speed until the vessel is lifted
+        "higher": (0.0, 0.05),  # than the vessel has to pass
+        "carrying": (0.15, 0.4),  # speed
+        "heading": (-0.5, 0.8),  # at the place, beside the way from the robot
+        "turn": (2.2, 3.0),  # so far that walls slope down to the mouth
+        "side": (-1.0, 1.0),  # it turns to: the left from 0 on, the right below
+        "aside": (0.3, 0.7),  # of the drop, so that the mouth gets above the place
     }
 
     def suits(self, job: Job) -> float:

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar
 
 import numpy as np
 
 from core.geometry import Array, Pose
 from plugins.vlms.offline.heads import Head, Piece, Step, at
-from plugins.vlms.offline.job import Asked, Job
+from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.joints import Spot, find_spots
 from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import (
     BACK_M,
-    Range,
-    Ranges,
     Way,
     above,
     leaves,
@@ -37,18 +34,18 @@ class Press(Way):
 
     name = "press"
     title = "presses what a joint holds, with a rod that follows the joint's way"
-    does: ClassVar[Asked] = "joint"
-    sizes: ClassVar[Ranges] = {
-        "spot": Range(0.0, 1.0),  # of those where the body can be pushed
-        "longer": Range(0.01, 0.08),  # than the rod must be
+    does = "joint"
+    sizes = {
+        "spot": (0.0, 1.0),  # of those where the body can be pushed
+        "longer": (0.01, 0.08),  # than the rod must be
     }
-    moves: ClassVar[Ranges] = {
-        "before": Range(0.01, 0.03),  # the body, where the rod comes down
-        "into": Range(0.0, 0.01),  # the body, as it gives way
-        "farther": Range(0.0, 0.15),  # than the joint has to get, of its way
-        "follows": Range(0.0, 1.0),  # of the body's turn, that the rod turns with it
-        "speed": Range(0.05, 0.25),
-        "leaves": Range(0.0, 1.0),  # from a half on, what stays where it is
+    moves = {
+        "before": (0.01, 0.03),  # the body, where the rod comes down
+        "into": (0.0, 0.01),  # the body, as it gives way
+        "farther": (0.0, 0.15),  # than the joint has to get, of its way
+        "follows": (0.0, 1.0),  # of the body's turn, that the rod turns with it
+        "speed": (0.05, 0.25),
+        "leaves": (0.0, 1.0),  # from a half on, what stays where it is
     }
 
     def suits(self, job: Job) -> float:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from core.geometry import Array, Pose
 from plugins.vlms.offline.heads import Head, Piece, Step, at
-from plugins.vlms.offline.job import Asked, Job
+from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.joints import Spot, list_spots
 from plugins.vlms.offline.layout import Size
 from plugins.vlms.offline.recipe import Values
-from plugins.vlms.offline.ways.way import Range, Ranges, Way, above, pick
+from plugins.vlms.offline.ways.way import Way, above, pick
 
 _TOE_M = 0.006  # thick
 _FREE_BEHIND_M = 0.014  # a face there must be room for the toe
@@ -52,20 +52,20 @@ class Pull(Way):
     title = (
         "goes in through an opening, and pulls what a joint holds from behind its face"
     )
-    does: ClassVar[Asked] = "joint"
-    sizes: ClassVar[Ranges] = {
-        "opening": Range(0.0, 1.0),  # which one
-        "long": Range(0.06, 0.14),  # the arm
-        "arm": Range(0.004, 0.008),  # thick, towards the toe
-        "toe": Range(0.004, 0.01),  # beside the arm
-        "wide": Range(0.008, 0.015),  # arm and toe
+    does = "joint"
+    sizes = {
+        "opening": (0.0, 1.0),  # which one
+        "long": (0.06, 0.14),  # the arm
+        "arm": (0.004, 0.008),  # thick, towards the toe
+        "toe": (0.004, 0.01),  # beside the arm
+        "wide": (0.008, 0.015),  # arm and toe
     }
-    moves: ClassVar[Ranges] = {
-        "behind": Range(0.001, 0.004),  # the face, the toe gets in
-        "before": Range(0.02, 0.05),  # the face it comes down
-        "aside": Range(0.002, 0.01),  # behind the face
-        "farther": Range(0.0, 0.15),  # than the joint has to get, of its way
-        "speed": Range(0.05, 0.2),
+    moves = {
+        "behind": (0.001, 0.004),  # the face, the toe gets in
+        "before": (0.02, 0.05),  # the face it comes down
+        "aside": (0.002, 0.01),  # behind the face
+        "farther": (0.0, 0.15),  # than the joint has to get, of its way
+        "speed": (0.05, 0.2),
     }
 
     def suits(self, job: Job) -> float:

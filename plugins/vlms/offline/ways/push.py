@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar
 
 import numpy as np
 
@@ -11,8 +10,6 @@ from plugins.vlms.offline.heads import Head, Step, at, box
 from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import (
-    Range,
-    Ranges,
     Way,
     move_along,
     wall_height,
@@ -30,18 +27,18 @@ class Push(Way):
 
     name = "push"
     title = "pushes bodies along the ground from behind"
-    sizes: ClassVar[Ranges] = {
-        "width": Range(0.2, 1.6),  # of the bodies'
-        "height": Range(0.5, 1.2),  # of the bodies'
-        "thick": Range(0.006, 0.012),
+    sizes = {
+        "width": (0.2, 1.6),  # of the bodies'
+        "height": (0.5, 1.2),  # of the bodies'
+        "thick": (0.006, 0.012),
     }
-    moves: ClassVar[Ranges] = {
-        "behind": Range(0.004, 0.03),
-        "above": Range(0.002, 0.012),  # the ground
-        "farther": Range(-0.02, 0.02),  # than they have to go
-        "aside": Range(-0.05, 0.05),  # of their middle, in their widths
-        "speed": Range(0.1, 0.4),
-        "leaves": Range(0.0, 1.0),  # from a half on
+    moves = {
+        "behind": (0.004, 0.03),
+        "above": (0.002, 0.012),  # the ground
+        "farther": (-0.02, 0.02),  # than they have to go
+        "aside": (-0.05, 0.05),  # of their middle, in their widths
+        "speed": (0.1, 0.4),
+        "leaves": (0.0, 1.0),  # from a half on
     }
 
     def suits(self, job: Job) -> float:

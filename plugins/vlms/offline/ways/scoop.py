@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar
 
 import numpy as np
 
@@ -12,8 +11,6 @@ from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import (
     OVER_M,
-    Range,
-    Ranges,
     Way,
     above,
     wall_height,
@@ -42,24 +39,24 @@ class Scoop(Way):
     title = (
         "slides a thin floor under bodies, lifts them, carries them, and tips them out"
     )
-    sizes: ClassVar[Ranges] = {
-        "room": Range(0.002, 0.02),  # beside the bodies
-        "depth": Range(0.9, 1.15),  # of the bodies' length
-        "floor": Range(0.001, 0.003),  # thick, or as thick as it must be
-        "height": Range(0.7, 1.3),  # of the bodies', of the wall behind them
-        "rails": Range(0.0, 0.8),  # of that height, of the walls beside them
+    sizes = {
+        "room": (0.002, 0.02),  # beside the bodies
+        "depth": (0.9, 1.15),  # of the bodies' length
+        "floor": (0.001, 0.003),  # thick, or as thick as it must be
+        "height": (0.7, 1.3),  # of the bodies', of the wall behind them
+        "rails": (0.0, 0.8),  # of that height, of the walls beside them
     }
-    moves: ClassVar[Ranges] = {
-        "above": Range(0.0005, 0.003),  # the ground
-        "behind": Range(0.005, 0.03),  # the bodies
-        "under": Range(0.95, 1.03),  # of its depth
-        "speed": Range(0.08, 0.3),
-        "lean": Range(0.0, 0.25),  # back, with bodies on it
-        "higher": Range(0.0, 0.03),  # than the bodies have to get
-        "lifting": Range(0.12, 0.35),  # speed
-        "carrying": Range(0.15, 0.4),  # speed
-        "tip": Range(0.5, 1.3),  # down, to pour them out
-        "to_edge": Range(0.0, 1.0),  # of the floor's depth, that lies over the place
+    moves = {
+        "above": (0.0005, 0.003),  # the ground
+        "behind": (0.005, 0.03),  # the bodies
+        "under": (0.95, 1.03),  # of its depth
+        "speed": (0.08, 0.3),
+        "lean": (0.0, 0.25),  # back, with bodies on it
+        "higher": (0.0, 0.03),  # than the bodies have to get
+        "lifting": (0.12, 0.35),  # speed
+        "carrying": (0.15, 0.4),  # speed
+        "tip": (0.5, 1.3),  # down, to pour them out
+        "to_edge": (0.0, 1.0),  # of the floor's depth, that lies over the place
     }
 
     def suits(self, job: Job) -> float:

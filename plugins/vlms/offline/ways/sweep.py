@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar
 
 import numpy as np
 
@@ -12,8 +11,6 @@ from plugins.vlms.offline.heads import Head, Piece, Step, at, box
 from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import (
-    Range,
-    Ranges,
     Way,
     move_along,
     wall_height,
@@ -36,19 +33,19 @@ class Sweep(Way):
 
     name = "sweep"
     title = "sweeps scattered bodies together with a wall between two wings"
-    sizes: ClassVar[Ranges] = {
-        "room": Range(0.0, 0.03),  # beside the outermost bodies
-        "narrow": Range(0.15, 0.6),  # the wall, of the width between the wings' ends
-        "angle": Range(0.4, 1.0),  # of the wings, from the motion
-        "height": Range(0.8, 1.8),  # of the bodies'
-        "thick": Range(0.005, 0.01),
+    sizes = {
+        "room": (0.0, 0.03),  # beside the outermost bodies
+        "narrow": (0.15, 0.6),  # the wall, of the width between the wings' ends
+        "angle": (0.4, 1.0),  # of the wings, from the motion
+        "height": (0.8, 1.8),  # of the bodies'
+        "thick": (0.005, 0.01),
     }
-    moves: ClassVar[Ranges] = {
-        "behind": Range(0.3, 1.0),  # of the wings' depth, from where it comes down
-        "above": Range(0.001, 0.005),  # the ground
-        "heap": Range(0.02, 0.15),  # before the goal's middle the wall stops
-        "speed": Range(0.1, 0.35),
-        "leaves": Range(0.0, 1.0),  # from a half on
+    moves = {
+        "behind": (0.3, 1.0),  # of the wings' depth, from where it comes down
+        "above": (0.001, 0.005),  # the ground
+        "heap": (0.02, 0.15),  # before the goal's middle the wall stops
+        "speed": (0.1, 0.35),
+        "leaves": (0.0, 1.0),  # from a half on
     }
 
     def suits(self, job: Job) -> float:

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar
 
 import numpy as np
 
 from plugins.vlms.offline.heads import Head, Step, at, build_walls
 from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.recipe import Values
-from plugins.vlms.offline.ways.way import Range, Ranges, Way, above, wall_height
+from plugins.vlms.offline.ways.way import Ranges, Way, above, wall_height
 
 _RUN: Ranges = {
-    "behind": Range(0.005, 0.03),  # the bodies, where the wall comes down
-    "above": Range(0.002, 0.008),  # the ground
-    "heading": Range(-0.15, 0.15),  # beside the bodies' way
-    "speed": Range(0.4, 2.0),
+    "behind": (0.005, 0.03),  # the bodies, where the wall comes down
+    "above": (0.002, 0.008),  # the ground
+    "heading": (-0.15, 0.15),  # beside the bodies' way
+    "speed": (0.4, 2.0),
 }
 
 
@@ -28,16 +27,16 @@ class Throw(Way):
 
     name = "throw"
     title = "throws bodies on along the ground, with a wall that stops"
-    sizes: ClassVar[Ranges] = {
-        "room": Range(0.002, 0.01),  # between the bodies and the walls beside them
-        "height": Range(0.6, 1.3),  # of the bodies'
-        "depth": Range(0.2, 0.8),  # of the bodies', of the walls beside them
-        "thick": Range(0.005, 0.01),
+    sizes = {
+        "room": (0.002, 0.01),  # between the bodies and the walls beside them
+        "height": (0.6, 1.3),  # of the bodies'
+        "depth": (0.2, 0.8),  # of the bodies', of the walls beside them
+        "thick": (0.005, 0.01),
     }
-    moves: ClassVar[Ranges] = {
+    moves = {
         **_RUN,
-        "stroke": Range(0.4, 0.9),  # metres
-        "swing": Range(-0.8, 0.8),  # to each side
+        "stroke": (0.4, 0.9),  # metres
+        "swing": (-0.8, 0.8),  # to each side
     }
 
     def suits(self, job: Job) -> float:
@@ -60,9 +59,9 @@ class Drop(Throw):
 
     name = "drop"
     title = "pushes bodies over an edge, with a wall that stops"
-    moves: ClassVar[Ranges] = {
+    moves = {
         **_RUN,
-        "share": Range(0.3, 1.0),  # of the bodies' way
+        "share": (0.3, 1.0),  # of the bodies' way
     }
 
     def suits(self, job: Job) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import ClassVar, NamedTuple, TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
@@ -25,17 +25,10 @@ _LEAST_WALL_M = 0.02  # a wall, at least
 _MOST_WALL_M = 0.15  # and at most
 
 
-class Range(NamedTuple):
-    """What a parameter is drawn from, each value as likely."""
+Ranges = Mapping[str, tuple[float, float]]
+"""From what to what parameters are drawn, by name; each value is as likely."""
 
-    low: float
-    high: float
-
-
-Ranges = Mapping[str, Range]
-"""Parameters, by name."""
-
-START_RANGES: Ranges = {"rise": Range(0.0, 1.0)}
+START_RANGES: Ranges = {"rise": (0.0, 1.0)}
 """How far out the arm rises to where it works, if that is above home: a parameter of every way."""
 
 
@@ -68,7 +61,7 @@ class Way(ABC):
     moves: ClassVar[Ranges]
 
     @property
-    def ranges(self) -> dict[str, Range]:
+    def ranges(self) -> dict[str, tuple[float, float]]:
         """Its parameters: those of the head and of the motion, and those of the start, which all ways have."""
         return {**self.sizes, **self.moves, **START_RANGES}
 
