@@ -67,7 +67,7 @@ from plugins.agents.bench import Answer, Later, Refused
 from plugins.agents.describing import Told, describe_rehearsal
 from plugins.agents.editing import change_design, list_differences
 from plugins.agents.traces import draw_plot, write_table
-from plugins.agents.viewing import Viewer, draw_trial
+from plugins.agents.viewing import draw_scene, draw_trial
 
 _FELT = "N"
 _LISTED = 40  # candidates that have a line
@@ -192,14 +192,6 @@ class Tools:
         return self._search.agent.result
 
     @cached_property
-    def _viewer(self) -> Viewer:
-        asked = self._search.asked
-        drawn: Sequence[Picture] = ()
-        if not asked.prompts.facts.level.numbers:
-            drawn = asked.pictures.get(self._search.brief().gripper, ())
-        return Viewer(self._run, drawn)
-
-    @cached_property
     def _told(self) -> Told:
         return Told(self._search.asked.prompts.facts, self._search.brief())
 
@@ -289,7 +281,8 @@ class Tools:
             if first.tool is None:
                 raise Refused(f"look: {self._told.clean(first.problem or '')}")
             tool = first.tool
-        picture = self._viewer.look(asked, tool)
+        shown = View(tool=tool, seed=self._run.seed)
+        picture = draw_scene(self._run, asked, shown)
         return [Text(picture.caption), picture]
 
     def _rehearse(self, asked: Rehearse) -> Answer:
@@ -311,7 +304,7 @@ class Tools:
             arm=taken.arm[sample],
             fingers=taken.fingers[sample],
         )
-        picture = self._viewer.draw(asked, shown)
+        picture = draw_scene(self._run, asked, shown)
         problems = "" if self._unseen else self._find_problems(first)
         lines = describe_rehearsal(played, sample, problems, numbers=not self._unseen)
         return [Text("\n".join(lines)), Text(picture.caption), picture]

@@ -93,8 +93,9 @@ class Ensemble(VLM):
         closed: dict[str, LimitReached] = {}
         while left:
             if len(closed) == len(self._members):
+                limits = [f"{label}: {closed[label].limit}" for label in closed]
                 raise LimitReached(
-                    _describe_limits(closed),
+                    ", ".join(limits),
                     f"{len(left)} of {len(requests)} requests are left without a reply",
                 )
 
@@ -204,11 +205,6 @@ class Ensemble(VLM):
             self._dealer.hear(replies[-1].model, earned.get(agent, 0.0), cost)
 
 
-def _describe_limits(closed: Mapping[str, LimitReached]) -> str:
-    """Name the members that reached a limit, and which."""
-    return ", ".join(f"{label}: {limit.limit}" for label, limit in closed.items())
-
-
 class Dealer:
     """Ranks members by Thompson sampling for bandits with a budget.
 
@@ -267,12 +263,10 @@ class Dealer:
         rng = np.random.default_rng(numbers)
 
         costs: dict[str, float] = {}
-        if self._priced:
+        default = 1.0
+        if self._priced and any(self._costs.values()):
             costs = {name: fmean(paid) for name, paid in self._costs.items() if paid}
-
-        default = 1.0  # of a member that nothing was paid to yet
-        if costs:
-            default = fmean(costs.values())
+            default = fmean(costs.values())  # of a member that nothing was paid to yet
 
         draws = {}
         for name, rewards in self._rewards.items():

@@ -37,7 +37,6 @@ _DARK = 100  # of 255: a brightness; on what is darker, edges are pale
 _EDGE_M = 0.002  # a bend or a step that is drawn as an edge
 _FONT = 12  # pixels
 _HIGH = 16  # pixels of a name
-_SEARCHED = 150  # pixels around a point where its name is looked for first
 _AROUND = 14.0  # pixels that count as around
 _DEEP_M = 0.008  # so much deeper than what is around it is as dark as it gets
 _SHADE = 0.6  # of the light that is lost there
@@ -427,41 +426,12 @@ class _Labels:
             y: of the point, pixels.
             width: of the name, pixels.
         """
-        around = np.pad(self._taken, _SEARCHED, constant_values=True)
-        top = int(y)
-        left = int(x)
-        near = around[top : top + 2 * _SEARCHED + 1, left : left + 2 * _SEARCHED + 1]
-        row, column, away = _find_free(
-            near, x - left + _SEARCHED, y - top + _SEARCHED, width
-        )
-        row += top - _SEARCHED
-        column += left - _SEARCHED
-
-        if away > _SEARCHED - width:
-            row, column, _ = _find_free(self._taken, x, y, width)
-        return column - width // 2, row - _HIGH // 2
-
-
-def _find_free(
-    taken: npt.NDArray[np.bool_], x: float, y: float, width: int
-) -> tuple[int, int, float]:
-    """Find the place nearest to a point where a name covers nothing.
-
-    Args:
-        taken: pixels (H, W) that it should not cover; beyond them it covers something.
-        x: of the point, pixels.
-        y: of the point, pixels.
-        width: of the name, pixels.
-
-    Returns:
-        Its middle, row and column, and how far it is from the point, pixels; more than any where all is covered.
-    """
-    size = (_HIGH + 4, width + 4)
-    covered = maximum_filter(taken, size, mode="constant", cval=True)
-    rows, columns = np.indices(covered.shape)
-    away = np.hypot(columns - x, rows - y) + np.hypot(WIDTH, HEIGHT) * covered
-    row, column = np.unravel_index(away.argmin(), away.shape)
-    return int(row), int(column), float(away[row, column])
+        size = (_HIGH + 4, width + 4)
+        covered = maximum_filter(self._taken, size, mode="constant", cval=True)
+        rows, columns = np.indices(covered.shape)
+        away = np.hypot(columns - x, rows - y) + np.hypot(WIDTH, HEIGHT) * covered
+        row, column = np.unravel_index(away.argmin(), away.shape)
+        return int(column) - width // 2, int(row) - _HIGH // 2
 
 
 def _strip_number(body: Body) -> str:

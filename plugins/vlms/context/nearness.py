@@ -96,27 +96,22 @@ def _raise_to_triangle(
         corners: in pixels, (3, 2).
         toward: how far each corner reaches toward the camera, (3,), metres.
     """
-    # The pixels that the triangle may cover, cut off at the picture's edges.
-    high, wide = nearest.shape
-    left, top = np.ceil(corners.min(axis=0))
-
-    right, bottom = np.floor(corners.max(axis=0))
-    columns = np.arange(max(int(left), 0), min(int(right), wide - 1) + 1)
-
-    rows = np.arange(max(int(top), 0), min(int(bottom), high - 1) + 1)
-
-    # A triangle that is seen edge on covers none.
-    edges = np.stack([corners[1] - corners[0], corners[2] - corners[0]], axis=1)
-    is_edge_on = abs(np.linalg.det(edges)) < 1e-9
-    if not len(columns) or not len(rows) or is_edge_on:
+    edges = (corners[1:] - corners[0]).T
+    if abs(np.linalg.det(edges)) < 1e-9:  # it is seen edge on
         return
 
+    # The pixels that the triangle may cover, cut off at the picture's edges.
+    size = nearest.shape[::-1]
+    left, top = np.clip(np.ceil(corners.min(axis=0)), 0, size).astype(int)
+    right, bottom = np.clip(np.floor(corners.max(axis=0)) + 1, 0, size).astype(int)
+    pixels = np.meshgrid(np.arange(left, right), np.arange(top, bottom))
+
     # The shares of both edges in the way from the first corner to each pixel.
-    ways = np.stack(np.meshgrid(columns, rows), axis=-1) - corners[0]
+    ways = np.stack(pixels, axis=-1) - corners[0]
     shares = ways @ np.linalg.inv(edges).T
     inside = (shares >= -1e-9).all(axis=-1) & (shares.sum(axis=-1) <= 1 + 1e-9)
 
     # Between the corners it is flat.
     values = toward[0] + shares @ (toward[1:] - toward[0])
-    part = nearest[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    part = nearest[top:bottom, left:right]
     np.maximum(part, np.where(inside, values, -np.inf), out=part)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib
 import logging
 import os
-import threading
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -118,7 +117,6 @@ class Client:
         # Local servers use a schema as a grammar alone; of other models nobody knows.
         is_known = self._litellm.supports_response_schema(model=model)
         self._shows_schema = is_known and self._provider not in _LOCAL
-        self._manner_lock = threading.Lock()
         self._manner = self._find_manner()
         self.sees = self._manner.pictures
         self._context = None
@@ -201,15 +199,14 @@ class Client:
             request: that was sent.
             reply: to the request.
         """
-        count = self._litellm.token_counter
         prompt = reply.prompt_tokens
         if prompt is None:
-            messages = render(explain_schema(request))
-            prompt = int(count(model=self.model, messages=messages))
+            prompt = self._count(request)
 
         completion = reply.completion_tokens
         if completion is None:
-            completion = int(count(model=self.model, text=reply.text))
+            counter = self._litellm.token_counter
+            completion = int(counter(model=self.model, text=reply.text))
 
         cost = reply.cost_usd
         if cost is None:
@@ -218,6 +215,11 @@ class Client:
                 cost = prompt * self.prices.prompt + completion * self.prices.answer
 
         return prompt + completion, cost
+
+    def _count(self, request: Request) -> int:
+        """Count the tokens of a request."""
+        messages = render(explain_schema(request))
+        return int(self._litellm.token_counter(model=self.model, messages=messages))
 
     def _missing_keys(self) -> list[str]:
         """The environment variables of which one must hold the key; empty: one does, or no key is needed."""
@@ -311,15 +313,14 @@ class Client:
         if not refuses(error) or is_too_long(words):
             return False
 
-        with self._manner_lock:
-            weaker = weaken(manner, words)
-            if weaker is None:
-                return False
+        weaker = weaken(manner, words)
+        if weaker is None:
+            return False
 
-            if self._manner is manner:  # no other request was refused meanwhile
-                self._manner = weaker[0]
-                said = clean(explain(error), 200)
-                _log.warning("%s takes %s (it says: %s)", self.model, weaker[1], said)
+        if self._manner is manner:  # no other request was refused meanwhile
+            self._manner = weaker[0]
+            said = clean(explain(error), 200)
+            _log.warning("%s takes %s (it says: %s)", self.model, weaker[1], said)
 
         return True
 
@@ -446,8 +447,8 @@ class Client:
         self, request: Request, response: Any, hearing: Hearing
     ) -> tuple[Reply, str]:
         """Read a whole answer; return it as a reply, and why the model stopped."""
-        choices = getattr(response, "choices", None)
-        choice = choices[0] if choices else None
+        choices = getattr(response, "choices", None) or [None]
+        choice = choices[0]
         message = getattr(choice, "message", None)
         text = getattr(message, "content", None) or ""
 
@@ -460,7 +461,9 @@ class Client:
         is_reported = not hearing.chunks or hearing.reports_tokens()
         usage = getattr(response, "usage", None) if is_reported else None
         cached, kept = count_cached(usage)
-        is_saving = self.prices is not None and (cached or kept)
+        saving = None
+        if self.prices is not None and (cached or kept):
+            saving = saved(self.prices, cached or 0, kept)
         reply = Reply(
             request.id,
             text,
@@ -469,9 +472,7 @@ class Client:
             completion_tokens=getattr(usage, "completion_tokens", None) or None,
             cached_tokens=cached,
             cost_usd=self._cost(response),
-            saved_usd=saved(self.prices, cached or 0, kept)
-            if self.prices is not None and is_saving
-            else None,
+            saved_usd=saving,
             error=f"the model refuses: {refusal}" if refusal and not text else None,
         )
         warning = find_miscount(request, reply.prompt_tokens)
@@ -505,10 +506,8 @@ class Client:
         """
         words = find_words(error)
         if is_too_long(words):
-            messages = render(explain_schema(request))
-            counted = self._litellm.token_counter(model=self.model, messages=messages)
             limit = self._settings.max_output_tokens
-            return explain_room(words, int(counted), limit)
+            return explain_room(words, self._count(request), limit)
 
         return explain(error) + self._hint(error)
 

@@ -53,9 +53,10 @@ class OllamaContext:
             request: that is sent.
             answer: the limit of an answer, in tokens; None: there is none.
         """
-        pictures = count_pictures(request) * PICTURE
+        parts = [part for message in request.messages for part in message.parts]
+        pictures = sum(isinstance(part, Picture) for part in parts)
         prompt = count_characters(request) / USUAL_CHARACTERS
-        wanted = prompt + pictures + (answer or ANSWER)
+        wanted = prompt + pictures * PICTURE + (answer or ANSWER)
 
         with self._lock:
             if not self._size:
@@ -98,12 +99,6 @@ def count_characters(request: Request) -> int:
     """Count the characters of a request's texts."""
     parts = [part for message in request.messages for part in message.parts]
     return sum(len(part.text) for part in parts if isinstance(part, Text))
-
-
-def count_pictures(request: Request) -> int:
-    """Count the pictures of a request."""
-    parts = [part for message in request.messages for part in message.parts]
-    return sum(isinstance(part, Picture) for part in parts)
 
 
 def find_miscount(request: Request, counted: int | None) -> str:

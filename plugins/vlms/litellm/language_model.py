@@ -27,14 +27,6 @@ _log = logging.getLogger(__name__)
 
 KEPT_S = 240.0  # so long providers keep a prompt's beginning at least; Anthropic says 5 minutes
 
-_LIMITS = (
-    "concurrency",
-    "requests_per_minute",
-    "max_cost_usd",
-    "max_tokens_total",
-)
-"""Settings that are greater than 0, or None where this means no limit."""
-
 Paid = Annotated[str, Names("model that is paid")]
 
 
@@ -82,9 +74,13 @@ class LanguageModel(VLM):
                 "vlm.model is empty; give provider/model, such as vlm.model=gemini/gemini-2.5-pro"
             )
 
-        for name in _LIMITS:
-            check_positive("vlm.", **{name: getattr(self, name)})
-
+        check_positive(
+            "vlm.",
+            concurrency=self.concurrency,
+            requests_per_minute=self.requests_per_minute,
+            max_cost_usd=self.max_cost_usd,
+            max_tokens_total=self.max_tokens_total,
+        )
         check_call_settings(self)
         self._client = Client(self.model, self.api_base, self)
         self.sees = self._client.sees
@@ -171,7 +167,11 @@ class LanguageModel(VLM):
                 if stop.is_set():
                     return Reply(request.id, "", self.model, error="interrupted")
 
-                self._check_limits()
+                for limits in self._limits:
+                    reached = limits.reached()
+                    if reached:
+                        raise LimitReached(reached)
+
                 tries += 1
                 reply = self._try(request, tries, stop)
                 if reply is not None:
@@ -241,13 +241,6 @@ class LanguageModel(VLM):
             self._client.explain(request, error),
         )
         return reply
-
-    def _check_limits(self) -> None:
-        """Raise LimitReached if one is."""
-        for limits in self._limits:
-            reached = limits.reached()
-            if reached:
-                raise LimitReached(reached)
 
     def _failed(self, request: Request, error: Exception, after: str = "") -> Reply:
         """Make the reply of a call that failed; ``after`` says after how many tries."""

@@ -350,17 +350,12 @@ def _await_event(parts: Iterator[bytes]) -> bytes:
     try:
         for part in parts:
             *lines, rest = (rest + part).split(b"\n")
-            if any(map(_tells, (*lines, rest))):
+            if any(line.strip() and line[:1] != b":" for line in (*lines, rest)):
                 return b"\n".join((*lines, rest))
     except httpx.RemoteProtocolError:  # it broke off
         return b""
 
     return b""
-
-
-def _tells(line: bytes) -> bool:
-    """Say if a line of a stream is more than a comment or blank."""
-    return bool(line.strip()) and not line.startswith(b":")
 
 
 def _check_server(target: httpx.URL, call: Call) -> None:
@@ -405,31 +400,22 @@ def _keep_openai(request: httpx.Request, call: Call) -> None:
         )
 
     key = os.environ.get("OPENAI_API_KEY")
-    if is_openai or not key or key in _own_keys(call.provider):
+    if is_openai or not key:
         return
-    if any(_holds(value, key) for value in request.headers.values()):
-        raise Unanswered(
-            f"OPENAI_API_KEY would go to {host}; set {_prefix(call.provider)}_API_KEY, "
-            f"the variable of {call.provider}"
-        )
 
+    # A key in the provider's own variables may be equal to OpenAI's, such as ``EMPTY``.
+    prefix = call.provider.upper().replace("-", "_")
+    for name, value in os.environ.items():
+        if value == key and is_secret_name(name) and name.startswith(prefix):
+            return
 
-def _holds(value: str, key: str) -> bool:
-    """Report whether a header holds a key: anywhere in it, or as a word if it is as short as what stands for none."""
-    return key in value if len(key) >= SHORTEST_KEY else key in value.split()
-
-
-def _own_keys(provider: str) -> list[str]:
-    """Return the keys in the provider's own variables; one may be equal to OpenAI's, such as ``EMPTY``."""
-    return [
-        value
-        for name, value in os.environ.items()
-        if is_secret_name(name) and name.startswith(_prefix(provider))
-    ]
-
-
-def _prefix(provider: str) -> str:
-    return provider.upper().replace("-", "_")
+    for value in request.headers.values():
+        # What is as short as what stands for no key counts as a whole word alone.
+        words = value if len(key) >= SHORTEST_KEY else value.split()
+        if key in words:
+            raise Unanswered(
+                f"OPENAI_API_KEY would go to {host}; set {prefix}_API_KEY, the variable of {call.provider}"
+            )
 
 
 def _refuse_redirect(answer: httpx.Response) -> None:

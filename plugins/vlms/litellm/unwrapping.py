@@ -14,7 +14,6 @@ FAILED = 502  # the status of an error that comes with the status of a success, 
 _LONGEST_REFUSAL = 300
 _LONGEST_WORDS = 3000  # of an error
 _DEEPEST = 6  # errors within errors
-_PLAIN = {"role", "content", "refusal", "reasoning_content"}
 
 # What servers say, without a status of their own, where nothing answers or where the request is wrong.
 _NO_PLACE = re.compile(r"unexpected endpoint|unknown (endpoint|url|path)|not found")
@@ -48,8 +47,6 @@ def unwrap(content: bytes) -> tuple[int, bytes]:
         return _find_status(error), _write_error(error)
 
     if not isinstance(message, dict):
-        return 200, content
-    if message.get("content") == text and message.keys() <= _PLAIN:
         return 200, content
 
     plain = {"role": "assistant", "content": text or None}

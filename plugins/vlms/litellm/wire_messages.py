@@ -6,8 +6,9 @@ import base64
 import io
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import count
 from typing import Any
 
 from PIL import Image as Pillow
@@ -41,14 +42,20 @@ def explain_schema(request: Request) -> tuple[Message, ...]:
 
 def without_pictures(messages: Sequence[Message]) -> tuple[Message, ...]:
     """Return messages with a line of text in the place of each picture."""
+    return _replace_pictures(
+        messages, lambda picture: [Text(_UNSEEN.format(name=picture.name))]
+    )
+
+
+def _replace_pictures(
+    messages: Sequence[Message], write: Callable[[Picture], Sequence[Text | Picture]]
+) -> tuple[Message, ...]:
+    """Return messages with what ``write`` returns in the place of each picture."""
     written = []
     for message in messages:
         parts: list[Text | Picture] = []
         for part in message.parts:
-            if isinstance(part, Picture):
-                parts.append(Text(_UNSEEN.format(name=part.name)))
-            else:
-                parts.append(part)
+            parts += write(part) if isinstance(part, Picture) else [part]
 
         written.append(replace(message, parts=tuple(parts)))
 
@@ -71,26 +78,16 @@ def draw_on_sheets(messages: Sequence[Message], most: int) -> tuple[Message, ...
     sheets = [
         pictures[first : first + shared] for first in range(0, len(pictures), shared)
     ]
-    drawn = 0
-    written = []
-    for message in messages:
-        kept: list[Text | Picture] = []
-        for part in message.parts:
-            if isinstance(part, Text):
-                kept.append(part)
-                continue
+    numbers = count()
 
-            sheet, place = divmod(drawn, shared)
-            drawn += 1
-            if place == 0:
-                kept.append(Picture(_draw_sheet(sheets[sheet]), f"sheet_{sheet + 1}"))
+    def place(picture: Picture) -> list[Text | Picture]:
+        sheet, place = divmod(next(numbers), shared)
+        line = _ON_SHEET.format(name=picture.name, sheet=sheet + 1, place=place + 1)
+        if place:
+            return [Text(line)]
+        return [Picture(_draw_sheet(sheets[sheet]), f"sheet_{sheet + 1}"), Text(line)]
 
-            line = _ON_SHEET.format(name=part.name, sheet=sheet + 1, place=place + 1)
-            kept.append(Text(line))
-
-        written.append(replace(message, parts=tuple(kept)))
-
-    return tuple(written)
+    return _replace_pictures(messages, place)
 
 
 def _draw_sheet(pictures: Sequence[Picture]) -> bytes:

@@ -52,6 +52,12 @@ def box(
     return Piece(name, Pose(np.array([x, y, z])), size, parent)
 
 
+def lay(long: float, thick: float, wide: float, side: Array) -> Size:
+    """Return the sides of a plate that is long along x, thick along a side (3,), which is y or z, and else wide."""
+    _, y, z = np.where(side != 0, thick, wide)
+    return long, float(y), float(z)
+
+
 def build_walls(
     thick: float, inside: float, depth: float, height: float
 ) -> list[Piece]:

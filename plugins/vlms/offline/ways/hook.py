@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from core.geometry import Array, Pose
-from plugins.vlms.offline.heads import Head, Piece, Step, at
+from plugins.vlms.offline.heads import Head, Piece, Step, at, lay
 from plugins.vlms.offline.job import Job
-from plugins.vlms.offline.layout import Size
 from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import (
     BACK_M,
@@ -102,10 +101,9 @@ class Hook(Way):
         toe_middle = fit.side * (_GAP_M + fit.arm - across / 2)
         toe_middle[0] = -fit.toe_thick / 2
 
-        is_over = bool(fit.side[2])
         long = fit.length + fit.toe_thick
-        arm = _lay(long, fit.arm, fit.breadth, is_over)
-        toe = _lay(fit.toe_thick, across, fit.breadth, is_over)
+        arm = lay(long, fit.arm, fit.breadth, fit.side)
+        toe = lay(fit.toe_thick, across, fit.breadth, fit.side)
         pieces = [
             Piece("arm", Pose(arm_middle), arm),
             Piece("toe", Pose(toe_middle), toe),
@@ -183,10 +181,3 @@ def _fit_hook(job: Job, values: Values) -> _Fit:
         toe=max(_LEAST_PART_M, toe),
         toe_thick=float(np.clip(behind, _LEAST_PART_M, _MOST_TOE_M)),
     )
-
-
-def _lay(long: float, thick: float, broad: float, is_over: bool) -> Size:
-    """Return the sides of a plate that is long along x, and lies over the bodies or stands beside them."""
-    if is_over:
-        return long, broad, thick
-    return long, thick, broad

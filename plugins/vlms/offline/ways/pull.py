@@ -9,10 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from core.geometry import Array, Pose
-from plugins.vlms.offline.heads import Head, Piece, Step, at
+from plugins.vlms.offline.heads import Head, Piece, Step, at, lay
 from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.joints import Spot, list_spots
-from plugins.vlms.offline.layout import Size
 from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import Way, above, pick
 
@@ -77,8 +76,8 @@ class Pull(Way):
         thick = values["arm"]
         toe = values["toe"]
 
-        arm_size = _lay(long, thick, values["wide"], to_point)
-        toe_size = _lay(_TOE_M, thick + toe, values["wide"], to_point)
+        arm_size = lay(long, thick, values["wide"], to_point)
+        toe_size = lay(_TOE_M, thick + toe, values["wide"], to_point)
         toe_middle = to_point * toe / 2
         toe_middle[0] = -_TOE_M / 2
         pieces = [
@@ -108,12 +107,6 @@ class Pull(Way):
         for carried in spot.carry(job.want.to, values["farther"], _ARC_STEPS):
             pose = into_frame @ carried @ hooked
             yield Step(pose, speed=values["speed"], touch=True)
-
-
-def _lay(long: float, thick: float, wide: float, side: Array) -> Size:
-    """Return the sides of a box that is long along x, thick along a side (3,), which is y or z, and else wide."""
-    _, y, z = np.where(side != 0, thick, wide)
-    return long, float(y), float(z)
 
 
 @lru_cache(maxsize=32)
