@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from core.errors import choices
@@ -57,22 +57,16 @@ def _find_index(holder: Any, key: str, place: str) -> int:
             f"change: {shown}: there is nothing below {clean(str(holder), 60)}"
         )
 
-    names = _list_names(holder)
+    names = [item.get("name") if isinstance(item, dict) else None for item in holder]
     if key in names:
         return names.index(key)
     if key.isdecimal() and int(key) < len(holder):
         return int(key)
-    known = [name for name in names if name]
+    known = [str(name) for name in names if name]
     named = f" or {', '.join(known)}" if known else ""
     raise Refused(
         f"change: {shown}: {clean(key, 60)!r} is none of 0 to {len(holder) - 1}{named}"
     )
-
-
-def _list_names(holder: Sequence[Any]) -> list[str]:
-    return [
-        str(item.get("name", "")) if isinstance(item, dict) else "" for item in holder
-    ]
 
 
 def list_differences(design: Any, other: Any, place: str = "") -> list[str]:

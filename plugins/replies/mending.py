@@ -71,7 +71,7 @@ def mend_json(text: str) -> object:
         DesignError: it is too long, too deep, or can't be read for certain.
     """
     _refuse_large(text)
-    plain = _LONG.sub(_quote, text.translate(_ODD))
+    plain = _LONG.sub(lambda match: _write_text(match[2]), text.translate(_ODD))
     plain = _CURLY.sub(_straighten, plain)
     plain = _COMMENT.sub(lambda match: match[1] or " ", plain)
     plain = _BARE.sub(_compute, plain)
@@ -166,11 +166,6 @@ def _is_nested(text: str) -> bool:
         before = mark
 
     return not stack
-
-
-def _quote(match: re.Match[str]) -> str:
-    """Write a text of several lines in JSON's quotes."""
-    return _write_text(match[2])
 
 
 def _straighten(match: re.Match[str]) -> str:

@@ -26,8 +26,11 @@ MAX_SAVED = 1000
 MAX_ALL_MENDED = 200_000
 """The most characters of a reply that are looked at to be mended, which takes time."""
 
-MAX_TRIED = 20_000_000
-"""The most characters that are read of objects which turn out to be malformed; some seconds, where one holds others."""
+MAX_WORK = 2_000_000_000
+"""The most work on objects that turn out to be malformed, of which one may hold others; some seconds."""
+
+_READING = 100
+"""To read a character is so much more work than to count lines."""
 
 MENDED = "malformed JSON, or YAML, is read where its numbers are certain"
 
@@ -135,11 +138,9 @@ def _find_objects(text: str) -> tuple[list[_Found], Malformed | None]:
     left = MAX_ALL_MENDED
     broken_end = 0
     end = 0
-    # Each failure counts all lines before it; this many take a second or two.
-    failures = 100 + 1_000_000_000 // max(1, len(text))
-    tried = 0
+    work = 0
     is_list_broken = False
-    while failures > 0 and tried < MAX_TRIED:
+    while work < MAX_WORK:
         start = text.find("{", end)
         if start < 0:
             break
@@ -149,8 +150,8 @@ def _find_objects(text: str) -> tuple[list[_Found], Malformed | None]:
         try:
             value, end = decode(text, start, "the reply")
         except Malformed as error:
-            failures -= 1
-            tried += error.end - start
+            # It was read up to there, and all lines before it were counted.
+            work += error.end + _READING * (error.end - start)
             if error.end - start > reached:
                 longest = error
                 reached = error.end - start
@@ -172,8 +173,7 @@ def _find_objects(text: str) -> tuple[list[_Found], Malformed | None]:
     is_list_whole = any(
         isinstance(item.value, dict) and "strategies" in item.value for item in found
     )
-    has_read = any(item.value is not None for item in found)
-    if has_read and is_list_broken and not is_list_whole:
+    if is_list_broken and not is_list_whole:
         assume(UNCLOSED)
     if longest is not None and _CUT.search(text, len(text) - 100):
         found.append(_Found(_unread(text, end), "strategyname", False))
@@ -236,11 +236,7 @@ def _join_documents(found: list[_Found]) -> list[Any]:
         left = MAX_SAVED - len(joined)
         joined += [item for item in document[:left] if item not in joined]
 
-    forms = [design for design in joined if _is_form(design)]
-    if len(forms) < len(joined):
-        joined = [design for design in joined if design not in forms]
-
-    return joined
+    return [design for design in joined if not _is_form(design)]
 
 
 def _is_form(design: object) -> bool:

@@ -116,7 +116,11 @@ def calibrated_pictures(
     pictures = []
     for name, camera in cameras.items():
         picture = Pillow.fromarray(render(camera=camera, width=WIDTH, height=HEIGHT))
-        covered = [_cover(body, camera) for body in small]
+        # Also where they are clear.
+        covered = [
+            ~np.isnan(nearness([body], camera, WIDTH, HEIGHT, clear=0.0))
+            for body in small
+        ]
         if name in _PARALLEL:
             picture = _light(picture, nearness(small, camera, WIDTH, HEIGHT))
             _draw_edges(picture, camera, small, covered)
@@ -326,11 +330,6 @@ def _draw_edges(
 
     mask = Pillow.fromarray(_OPAQUE * edges.astype(np.uint8))
     picture.paste(ink.convert("RGB"), mask=mask)
-
-
-def _cover(body: Body, camera: Camera) -> npt.NDArray[np.bool_]:
-    """Compute which pixels (H, W) a body covers, also where it is clear."""
-    return ~np.isnan(nearness([body], camera, WIDTH, HEIGHT, clear=0.0))
 
 
 class _Labels:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -34,6 +33,7 @@ LONGEST = 400  # letters of a sentence
 MOST = 200  # lessons that are read of a file
 MOST_WRITTEN = 12  # lessons of a run
 
+_NUMBER = re.compile(r"\d")  # which a run without numbers must not learn in this way
 _WORD = re.compile(r"[a-z]{4,}")
 _COMMON = frozenset(("arms", "robot", "table", "task", "that", "this", "tool", "with"))
 
@@ -111,16 +111,13 @@ def recall_lessons(task: Task, facts: RunFacts) -> list[Recalled]:
     allowed = [
         lesson
         for lesson in found
-        if facts.level.numbers or lesson.context == level or not _tells(lesson)
+        if facts.level.numbers
+        or lesson.context == level
+        or not _NUMBER.search(f"{lesson.says} {lesson.kind}")
     ]
     chosen = choose_lessons(allowed, task)
 
     return [Recalled(LESSON, lesson.source, lesson.shown) for lesson in chosen]
-
-
-def _tells(lesson: Lesson) -> bool:
-    """Report whether a lesson has a number, which a run without numbers must not learn in this way."""
-    return bool(re.search(r"\d", f"{lesson.says} {lesson.kind}"))
 
 
 def read_lessons(folder: Path) -> list[Lesson]:
@@ -148,10 +145,7 @@ def read_entries(document: object, what: str) -> list[Lesson]:
     if not isinstance(document, dict) or not isinstance(document.get("lessons"), list):
         raise UserError(f'{what} must hold {{"lessons": [{{"says": "..."}}, ...]}}')
 
-    return [*_read_each(document, what)]
-
-
-def _read_each(document: dict[str, Any], what: str) -> Iterator[Lesson]:
+    lessons = []
     for number, entry in enumerate(document["lessons"][:MOST]):
         says = entry.get("says") if isinstance(entry, dict) else entry
         if not isinstance(says, str) or not says.strip():
@@ -161,7 +155,7 @@ def _read_each(document: dict[str, Any], what: str) -> Iterator[Lesson]:
 
         fields = entry if isinstance(entry, dict) else {}
         seen = fields.get("seen")
-        yield Lesson(
+        lesson = Lesson(
             _words(says),
             _words(fields.get("for")),
             tuple(map(_words, seen)) if isinstance(seen, list) else (),
@@ -169,6 +163,9 @@ def _read_each(document: dict[str, Any], what: str) -> Iterator[Lesson]:
             _words(document.get("task")),
             _words(document.get("context")),
         )
+        lessons.append(lesson)
+
+    return lessons
 
 
 def _words(value: object) -> str:

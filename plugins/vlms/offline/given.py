@@ -6,8 +6,8 @@ import numpy as np
 from numpy.random import Generator
 
 from core.design import Tool
-from core.geometry import Array, Pose
-from core.robot.solids import Solid, corners
+from core.geometry import Pose
+from core.robot.solids import corners
 from plugins.vlms.offline.faults import place_solids
 from plugins.vlms.offline.hand import hand_of
 from plugins.vlms.offline.heads import at
@@ -26,7 +26,8 @@ def draw_head(tool: Tool, layout: Layout, rng: Generator) -> Pose:
         layout: has the arm.
         rng: random numbers.
     """
-    groups = [_list_corners(solid) for solid in place_solids(tool, layout)]
+    solids = place_solids(tool, layout)
+    groups = [solid.pose.apply(corners(solid.geometry)) for solid in solids]
     groups = groups or [np.zeros((1, 3))]  # the bare flange
     lowest = min(float(points[:, 2].min()) for points in groups)
     working = np.concatenate(
@@ -42,8 +43,3 @@ def draw_head(tool: Tool, layout: Layout, rng: Generator) -> Pose:
     head = at(x, y, lowest, yaw=yaw)
     along = head.inverse().apply(working)[:, 0]
     return head @ at(rng.uniform(along.min(), along.max()), 0.0, 0.0)
-
-
-def _list_corners(solid: Solid) -> Array:
-    """List the corners of a solid, (V, 3)."""
-    return solid.pose.apply(corners(solid.geometry))
