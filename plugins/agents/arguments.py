@@ -155,10 +155,6 @@ class Rehearse(Look):
     )
 
 
-class CheckDesign(OfDesigns):
-    pass
-
-
 class TryDesign(OfDesigns):
     layouts: Annotated[list[int], BeforeValidator(_read_json)] | None = Field(
         None,
@@ -209,14 +205,6 @@ class BestDesigns(Arguments):
     count: int = Field(3, ge=1, le=10, description="How many designs are shown whole.")
 
 
-class Wait(Arguments):
-    pass
-
-
-class Finish(Arguments):
-    pass
-
-
 @dataclass(frozen=True)
 class ToolKind:
     """A tool of the agent's.
@@ -248,7 +236,7 @@ KINDS: dict[str, ToolKind] = {
         "way meets; bodies stay where they begin. Free.",
     ),
     "check_design": ToolKind(
-        CheckDesign,
+        OfDesigns,
         "Say what is wrong with designs without playing them: rules, reach, collisions of the arm, and whether the "
         "robot would touch anything. Free. Where nobody measured the scene: rules, and reach in an empty room.",
     ),
@@ -267,7 +255,7 @@ KINDS: dict[str, ToolKind] = {
         reads_only=False,
     ),
     WAIT: ToolKind(
-        Wait,
+        Arguments,
         "Wait for what goes on, such as finish: its answer, or after some seconds how far it is. Free.",
     ),
     "watch": ToolKind(
@@ -284,7 +272,7 @@ KINDS: dict[str, ToolKind] = {
         "List what was tried, the best first, with the designs of the best. Free.",
     ),
     FINISH: ToolKind(
-        Finish,
+        Arguments,
         "End the search: the best are tried in more layouts, the winner is chosen and written. Nothing can be tried "
         "afterwards. It goes on while you wait for it.",
         reads_only=False,

@@ -24,6 +24,9 @@ MOST_WAITING = 16
 Answer = Sequence[Text | Picture]
 """What a call gives, in the order in which it is shown."""
 
+_ENDED = "this run has come to its end, and its winner lies in best/ in its folder; begin another one in another folder"
+"""Said where the run had ended before the agent came."""
+
 _log = logging.getLogger(__name__)
 
 
@@ -78,7 +81,7 @@ class Bench:
 
     Attributes:
         interrupt: interrupts the run's thread.
-        desk: does what calls ask for; None: the run is not made yet.
+        desk: does what calls ask for; None: there is no search, or not yet.
         folder: of the run; None: it has not begun.
         has_ended: the run has come to its end.
         agent: the name of the program that calls, as it says itself.
@@ -137,8 +140,6 @@ class Bench:
         Raises:
             KeyboardInterrupt: the agent has left.
         """
-        desk = self.desk
-        assert desk is not None
         while True:
             self.is_trying = False
             call = self._line.get()
@@ -149,8 +150,12 @@ class Bench:
                 continue
 
             self.doing = f"doing {call.name}"
+            if self.desk is None:
+                call.future.set_exception(Refused(_ENDED))
+                continue
+
             try:
-                call.future.set_result(desk.do(call.name, call.arguments))
+                call.future.set_result(self.desk.do(call.name, call.arguments))
             except Later as later:
                 self._open = call
                 self.designs = later.designs
@@ -170,8 +175,6 @@ class Bench:
         Raises:
             KeyboardInterrupt: the agent has left.
         """
-        if self.desk is None:
-            self.desk = _Ended()
         while True:
             self.wait()
 
@@ -199,16 +202,6 @@ class Bench:
         for call in left:
             call.future.set_exception(Refused(why))
         return bool(left)
-
-
-class _Ended:
-    """Refuses all calls, where the run had ended before the agent came."""
-
-    def do(self, name: str, arguments: Mapping[str, Any]) -> Answer:
-        raise Refused(
-            "this run has come to its end, and its winner lies in its folder, in best/; begin another one in another "
-            "folder"
-        )
 
 
 _bench: list[Bench] = []

@@ -36,7 +36,6 @@ from plugins.agents.arguments import (
     KINDS,
     Arguments,
     BestDesigns,
-    CheckDesign,
     DescribeTask,
     Look,
     OfDesigns,
@@ -239,7 +238,7 @@ class Tools:
         )
         return [Text("\n".join(lines)), Text(picture.caption), picture]
 
-    def _check_design(self, asked: CheckDesign) -> Answer:
+    def _check_design(self, asked: OfDesigns) -> Answer:
         lines = []
         for candidate in self._read(asked):
             found = say_problems(self._session, candidate) or "nothing found"

@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 
 from core.design import Candidate
-from core.interfaces import Condition, Executor, Waypoints
+from core.interfaces import Executor, Waypoints
 from core.plugins import PluginPart
 from core.search.trials import Trials, key_of
 from core.simulation.play import play
@@ -157,7 +157,10 @@ def check_rollouts_side_by_side_are_those_played_one_by_one(make: Make) -> str:
     candidates = _make_candidates()
     with make() as executor:
         for name in names:
-            conditions = _in_two_layouts(name)
+            sim = PluginPart[object]("sim", name)
+            conditions = [
+                replace(condition(), sim=sim, layout=layout) for layout in range(2)
+            ]
             trials = Trials(executor)
             list(trials.try_in(conditions, candidates))
 
@@ -185,9 +188,3 @@ def _make_candidates() -> list[Candidate]:
         candidates.append(Candidate(tool, Waypoints(plan), 0, agent, 0, action))
 
     return candidates
-
-
-def _in_two_layouts(engine: str) -> list[Condition]:
-    """Return the conditions of two layouts of a task in an engine."""
-    sim = PluginPart[object]("sim", engine)
-    return [replace(condition(), sim=sim, layout=layout) for layout in range(2)]

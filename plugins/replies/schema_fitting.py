@@ -51,6 +51,7 @@ _HOLDERS = frozenset(
         *("parameters", "params", "tempo", "timing", "guard", "collision", "visual"),
     )
 )
+_POSES = ("pose", "transform", "waypoint")
 _SIDES = (("length", "width", "height"), ("length", "width", "thickness"))
 _HEIGHTS = ("height", "h", "depth", "thickness")
 
@@ -110,24 +111,23 @@ def read_number(value: object, units: Mapping[str, float], unit: str = "") -> An
 
 
 def read_vector(
-    value: object, spelling: Spelling, count: int = 3, unit: str = "", *, whole: bool
+    value: object, spelling: Spelling, unit: str = "", *, whole: bool
 ) -> Any:
-    """Return a vector as a list of numbers, which may be written as an object, or as a text; else as it is.
+    """Return a vector as a list of three numbers, which may be written as an object, or as a text; else as it is.
 
     Args:
         value: what a model wrote.
         spelling: of the vector: its units, and the names of its parts.
-        count: of its numbers.
         unit: that its key says; empty: none.
         whole: no part may be left out, which else is 0.
     """
     numbers: Any = value
     if isinstance(value, str):
         words = _BETWEEN.split(value.strip(_BRACKETS))
-        numbers = words if len(words) == count else value
+        numbers = words if len(words) == 3 else value
     elif isinstance(value, dict):
         parts = {str(key).strip().lower(): number for key, number in value.items()}
-        if parts.keys() <= {*spelling.parts} and not (whole and len(parts) < count):
+        if parts.keys() <= {*spelling.parts} and not (whole and len(parts) < 3):
             numbers = [parts.get(part, 0) for part in spelling.parts]
 
     if not isinstance(numbers, list):
@@ -206,9 +206,7 @@ def _fit_word(value: object, words: Iterable[Any]) -> object:
     """Return the word that is meant, of a few; else the value."""
     plain = plain_name(value)
     known = {plain_name(word): word for word in words if isinstance(word, str)}
-    meant = known.get(plain)
-    if meant is None:
-        meant = known.get(plain_name(WORDS.get(plain, value)))
+    meant = known.get(plain, known.get(plain_name(WORDS.get(plain, plain))))
     if meant is not None and meant != value:
         assume(f"{shorten(str(value))} is read as {meant!r}")
 
@@ -258,7 +256,9 @@ def _read_tree(value: object) -> object:
         except DesignError:
             return value
     if isinstance(value, dict):
-        return {_lower(key): _read_tree(inner) for key, inner in value.items()}
+        return {
+            str(key).strip().lower(): _read_tree(inner) for key, inner in value.items()
+        }
     if isinstance(value, list):
         return [
             read_number(inner, LENGTHS | ANGLES)
@@ -268,10 +268,6 @@ def _read_tree(value: object) -> object:
         ]
 
     return value
-
-
-def _lower(key: object) -> object:
-    return key.strip().lower() if isinstance(key, str) else key
 
 
 # --- objects ----------------------------------------------------------------------------------------------------
@@ -317,7 +313,8 @@ def _fit_object(
             continue
 
         if named.part:
-            parts.setdefault(named.name, {})[named.part] = _with_unit(inner, named.unit)
+            part = f"{inner} {named.unit}" if named.unit else inner
+            parts.setdefault(named.name, {})[named.part] = part
             continue
 
         fitted = _fit_field(inner, named, properties[named.name], depth)
@@ -338,8 +335,9 @@ def _fit_object(
         found[name] = read_vector(inner, spelling_of(name), whole=whole)
 
     _name_sides(found, others, properties)
-    if "parent" in properties and "parent" not in required:
-        _leave_out_mount(found)
+    is_optional = "parent" in properties and "parent" not in required
+    if is_optional and plain_name(found.get("parent", "")) in _MOUNTS:
+        found.pop("parent", None)
 
     return {**found, **others}
 
@@ -368,10 +366,6 @@ def _fit_field(inner: object, named: Named, schema: Schema, depth: int) -> Any:
     return fitted
 
 
-def _with_unit(value: object, unit: str) -> object:
-    return f"{value} {unit}" if unit else value
-
-
 def _flatten(
     value: Fields, properties: Mapping[str, Any], depth: int
 ) -> Iterator[tuple[Any, Any]]:
@@ -389,8 +383,9 @@ def _flatten(
             and _holds_fields(key, inner, properties)
         ):
             yield from _flatten_inner(key, inner, properties, depth)
-        elif _is_pose(inner) and plain_name(key) in ("pose", "transform", "waypoint"):
-            yield from _name_numbers(inner, properties).items()
+        elif isinstance(inner, list) and plain_name(key) in _POSES:
+            named = _name_numbers(inner, properties)
+            yield from named.items() if isinstance(named, dict) else [(key, inner)]
         else:
             yield key, inner
 
@@ -436,10 +431,6 @@ def _flatten_inner(
             yield name, held
 
 
-def _is_pose(value: object) -> bool:
-    return isinstance(value, list) and len(value) in (6, 7)
-
-
 def _name_numbers(values: list[Any], properties: Mapping[str, Any]) -> Any:
     """Name the numbers of a pose: those of its place, of its turn, and that of the gripper; else return them."""
     place = next((n for n in ("offset", "position", "xyz") if n in properties), None)
@@ -474,9 +465,3 @@ def _name_sides(found: Fields, others: Fields, properties: Mapping[str, Any]) ->
     if shape in ("cylinder", "capsule") and "length" not in found and len(heights) == 1:
         height = others.pop(heights[0])
         found["length"] = read_number(height, spelling_of("length").units)
-
-
-def _leave_out_mount(found: Fields) -> None:
-    """Leave out a parent that only means the mount."""
-    if plain_name(found.get("parent", "")) in _MOUNTS:
-        found.pop("parent", None)

@@ -56,20 +56,19 @@ def _read_waypoint(waypoint: object, where: str) -> object:
         raise DesignError(f"{where} is '...'; write out every waypoint")
     if isinstance(waypoint, str):
         words = _BETWEEN.split(waypoint.strip(" \t\n[](),;"))
-        numbers = _name_row(words)
+        numbers = _read_row(words)
         return waypoint if any(isinstance(n, str) for n in numbers) else numbers
     if isinstance(waypoint, dict):
         return _read_object(waypoint, where)
 
-    return _name_row(waypoint) if isinstance(waypoint, list) else waypoint
+    return _read_row(waypoint) if isinstance(waypoint, list) else waypoint
 
 
-def _name_row(values: list[Any]) -> list[Any]:
-    """Read the numbers of a waypoint in their order; more than there are names for stay as they are."""
-    row = [read_number(value, LENGTHS) for value in values[:3]]
-    row += [read_number(value, ANGLES) for value in values[3:6]]
-    row += [_read_grip(value) for value in values[6:7]]
-    return row + values[len(row) :]
+def _read_row(values: list[Any]) -> list[Any]:
+    """Read the numbers of a waypoint in their order."""
+    units = (*[LENGTHS] * 3, *[ANGLES] * 3)
+    row = [read_number(value, unit) for value, unit in zip(values, units, strict=False)]
+    return row + [_read_grip(value) for value in values[6:]]
 
 
 def _read_object(waypoint: dict[Any, Any], where: str) -> list[Any]:

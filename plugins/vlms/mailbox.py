@@ -150,19 +150,17 @@ class Mailbox(VLM):
                     _say(f"{letter.request.id} is answered; {len(waiting)} left")
 
             if waiting and not announced:
-                self._announce(len(waiting))
+                requests_wait = f"{len(waiting)} requests wait"
+                if len(waiting) == 1:
+                    requests_wait = "1 request waits"
+                names = " or ".join(REPLIES)
+                _say(
+                    f"{requests_wait} for an answer in {self._folder}; put {names} beside each prompt.md"
+                )
                 announced = True
 
             if waiting:
                 time.sleep(self._poll_s)
-
-    def _announce(self, number: int) -> None:
-        """Say how many requests wait for an answer, and where."""
-        wait = "1 request waits" if number == 1 else f"{number} requests wait"
-        names = " or ".join(REPLIES)
-        _say(
-            f"{wait} for an answer in {self._folder}; put {names} beside each prompt.md"
-        )
 
 
 @dataclass(eq=False)

@@ -67,21 +67,16 @@ class ModelMemory:
     ) -> tuple[Recalled, ...]:
         """See `core.search.designer.Memory.recall`; files are read once."""
         if task.name not in self._found:
-            self._found[task.name] = self._read(task)
+            facts = self.designer.prompts.facts
+            tools = self.designer.assignment.representation
+            examples = recall_examples(task, tools, facts)
+            self._found[task.name] = [*recall_lessons(task, facts), *examples]
 
         found = self._found[task.name]
         if representation.given(task) is not None:
             found = [recalled for recalled in found if recalled.kind != EXAMPLE]
 
         return tuple(found)
-
-    def _read(self, task: Task) -> list[Recalled]:
-        """Read what fits a task."""
-        facts = self.designer.prompts.facts
-        tools = self.designer.assignment.representation
-        lessons = recall_lessons(task, facts)
-
-        return [*lessons, *recall_examples(task, tools, facts)]
 
     def learn(self, result: Result, folder: Path) -> None:
         """See `core.search.designer.Memory.learn`; a failure costs the lessons, and a line says why.

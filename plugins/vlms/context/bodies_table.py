@@ -38,10 +38,22 @@ def bodies_table(task: Task, seed: int) -> str:
 
     names: dict[tuple[str, ...], list[str]] = {}
     for body in scene.bodies:
-        row = _describe(body, body.name in jointed)
+        is_jointed = body.name in jointed
+        row = (
+            _NUMBERED.sub("", body.name),  # what it shares with bodies alike
+            phrase("bodies", "kind", body, isinstance(body, Soft), is_jointed),
+            phrase("bodies", "weight", body.mass),
+            _describe_origin(body),
+        )
         names.setdefault(row, []).append(body.name)
 
-    rows = [(_join_names(alike), *cells[1:]) for cells, alike in names.items()]
+    rows = []
+    for (_, *cells), alike in names.items():
+        name = alike[0]
+        if len(alike) > 1:
+            name += f" ... {alike[-1]} ({len(alike)})"
+        rows.append((name, *cells))
+
     return table(("body", "is", "weight", "origin, from low to high end"), rows)
 
 
@@ -80,24 +92,6 @@ def bounds_in_world(bodies: Sequence[Body]) -> tuple[Array, Array]:
     """
     lows, highs = zip(*[bounds(body, body.pose) for body in bodies], strict=True)
     return np.min(lows, axis=0), np.max(highs, axis=0)
-
-
-def _describe(body: Body, is_jointed: bool) -> tuple[str, ...]:
-    """Describe a body in the cells of its row; in place of its name is what it shares with bodies alike."""
-    return (
-        _NUMBERED.sub("", body.name),
-        phrase("bodies", "kind", body, isinstance(body, Soft), is_jointed),
-        phrase("bodies", "weight", body.mass),
-        _describe_origin(body),
-    )
-
-
-def _join_names(names: Sequence[str]) -> str:
-    """Name bodies alike by the first and the last of them, and their count."""
-    if len(names) == 1:
-        return names[0]
-
-    return f"{names[0]} ... {names[-1]} ({len(names)})"
 
 
 def _describe_origin(body: Body) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from operator import itemgetter
 from typing import Any
@@ -453,15 +453,14 @@ def _places(seen: Observation) -> dict[str, Any]:
         told = {name: path for name, path in told.items() if name == crux}
 
     if told:
-        places["path_m"] = {name: _path(path) for name, path in told.items()}
+        paths = {}
+        for name, path in told.items():
+            points = [f"({short_numbers(point, 3, ', ')})" for point in path]
+            paths[name] = " ".join(points)
+        places["path_m"] = paths
         places["times_s"] = list(seen.instants)
 
     return places
-
-
-def _path(points: Iterable[Sequence[float]]) -> str:
-    """Write the places of a body, one after another."""
-    return " ".join(f"({short_numbers(point, 3, ', ')})" for point in points)
 
 
 def _moves(seen: Observation, sight: Sight) -> dict[str, str]:

@@ -60,7 +60,11 @@ def _write_row(bodies: Sequence[Body], worded: bool) -> tuple[str, ...]:
     if not is_alone:
         name = f"{len(bodies)} alike: {first.name} ... {bodies[-1].name}"
 
-    places = "; ".join(_describe_pose(body.pose) for body in bodies)
+    places = []
+    for body in bodies:
+        rpy = body.pose.rpy.round(3) + 0.0
+        place = phrase("layout", "pose", body.pose.position, rpy, short_numbers)
+        places.append(place)
 
     lows, highs = bounds_in_world(bodies)
 
@@ -79,7 +83,14 @@ def _write_row(bodies: Sequence[Body], worded: bool) -> tuple[str, ...]:
     if not worded:
         friction = phrase("layout", "friction", first)
 
-    return name, places, _describe_body(first, is_alone), *extents, mass, friction
+    return (
+        name,
+        "; ".join(places),
+        _describe_body(first, is_alone),
+        *extents,
+        mass,
+        friction,
+    )
 
 
 def _collect_properties(body: Body) -> tuple[object, ...]:
@@ -97,12 +108,6 @@ def _collect_properties(body: Body) -> tuple[object, ...]:
         body.rolling_friction,
         body.restitution,
     )
-
-
-def _describe_pose(pose: Pose) -> str:
-    """Write a position, and the turn where there is one."""
-    rpy = pose.rpy.round(3) + 0.0
-    return phrase("layout", "pose", pose.position, rpy, short_numbers)
 
 
 def _describe_body(body: Body, is_alone: bool) -> str:
