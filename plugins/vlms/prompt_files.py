@@ -24,19 +24,15 @@ def begins_news(part: Text | Picture) -> bool:
     return isinstance(part, Text) and part.text.lstrip().startswith(NOW)
 
 
-def split_news(
-    messages: Sequence[Message],
-) -> tuple[tuple[Message, ...], tuple[Message, ...]]:
-    """Split messages into what all requests of a run share, and the rest; the first is empty where no heading tells."""
+def take_shared(messages: Sequence[Message]) -> tuple[Message, ...]:
+    """Return the beginning of messages that all requests of a run share; it is empty where no heading tells."""
     for number, message in enumerate(messages):
         for index, part in enumerate(message.parts):
             if begins_news(part):
                 shared = replace(message, parts=message.parts[:index])
-                news = replace(message, parts=message.parts[index:])
-                before = tuple(messages[:number])
-                return (*before, shared), (news, *messages[number + 1 :])
+                return (*messages[:number], shared)
 
-    return (), tuple(messages)
+    return ()
 
 
 def write_letter(folder: Path, request: Request, prompt: str) -> None:

@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated
 
 from core.design import DesignError
 from core.designs.reading import list_designs
 from core.designs.replies import parse_reply
 from core.errors import LimitReached, UsageError, UserError, check_positive
-from core.hooks import Harmless, Names, hookimpl
+from core.hooks import Names, hookimpl
 from core.interfaces import VLM, Estimate, Reply, Request, Spending
 from plugins.vlms.calls import Arrivals, Calls
-from plugins.vlms.litellm.call_settings import check_call_settings
+from plugins.vlms.litellm.call_settings import CallSettings
 from plugins.vlms.litellm.client import Client
 from plugins.vlms.litellm.failures import pause, unanswered
 from plugins.vlms.litellm.hearing import Hearing
 from plugins.vlms.litellm.prices import estimate
-from plugins.vlms.prompt_files import split_news
+from plugins.vlms.prompt_files import take_shared
 
 _log = logging.getLogger(__name__)
 
@@ -31,7 +32,7 @@ Paid = Annotated[str, Names("model that is paid")]
 
 
 @dataclass(eq=False)
-class LanguageModel(VLM):
+class LanguageModel(CallSettings, VLM):
     """Asks a model through LiteLLM.
 
     Args:
@@ -60,11 +61,6 @@ class LanguageModel(VLM):
     api_base: Annotated[str | None, Names("host")] = None
     concurrency: int = 20
     requests_per_minute: float | None = None
-    timeout_s: float = 600.0
-    max_output_tokens: int | None = None
-    thinking: Harmless[str | None] = None
-    temperature: float | None = None
-    options: Annotated[dict[str, Any] | None, Names("host")] = None
     max_cost_usd: float | None = None
     max_tokens_total: int | None = None
 
@@ -81,11 +77,11 @@ class LanguageModel(VLM):
             max_cost_usd=self.max_cost_usd,
             max_tokens_total=self.max_tokens_total,
         )
-        check_call_settings(self)
+        self.check_calls()
         self._client = Client(self.model, self.api_base, self)
         self.sees = self._client.sees
         self._arrivals = Arrivals(self.model)
-        self._kept_at: float | None = None  # when an answer last began, monotonic
+        self._kept_at = -math.inf  # when an answer last began, monotonic
         self._calls = Calls(self.model, self.concurrency, self._answer, self._failed)
         self._limits: list[Spending] = []
         self.share(Spending(self.max_cost_usd, self.max_tokens_total))
@@ -144,11 +140,8 @@ class LanguageModel(VLM):
         if prices is None or not prices.caches or not requests:
             return False
 
-        shared, _ = split_news(requests[0].messages)
-        is_kept = (
-            self._kept_at is not None and time.monotonic() < self._kept_at + KEPT_S
-        )
-        return bool(shared) and not is_kept
+        is_kept = time.monotonic() < self._kept_at + KEPT_S
+        return bool(take_shared(requests[0].messages)) and not is_kept
 
     def _answer(self, request: Request, stop: threading.Event) -> Reply:
         """Call the model until a call succeeds, or another one would not.

@@ -11,7 +11,7 @@ from typing import Any
 from core.interfaces import Estimate, Message, Picture, Request, Text
 from plugins.vlms.litellm.loading import load
 from plugins.vlms.litellm.wire_messages import explain_schema, render
-from plugins.vlms.prompt_files import split_news
+from plugins.vlms.prompt_files import take_shared
 
 PIXELS_PER_TOKEN = 750  # https://docs.claude.com/en/docs/vision
 
@@ -99,7 +99,7 @@ def estimate(request: Request, model: str) -> Estimate:
     """
     litellm = load()
     messages = explain_schema(request)
-    shared, _ = split_news(messages)
+    shared = take_shared(messages)
     tokens = _count_tokens(litellm, model, messages)
     counter = "litellm.token_counter"
     prices = find_prices(litellm, model)
