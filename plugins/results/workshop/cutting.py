@@ -20,9 +20,8 @@ from plugins.results.workshop.joints import (
     Joint,
     Make,
     Profile,
-    is_prism,
+    convex_section,
     make_joint,
-    straight_profile,
 )
 from plugins.results.workshop.lying import SUPPORT, Lying, lay, stand_on, turn_to_fit
 from plugins.results.workshop.printing import thinnest
@@ -157,7 +156,6 @@ class _Cutter:
         poses = [pose for _, pose in link.shapes]
         self._axes = _distinct(np.vstack([pose.rotation_matrix.T for pose in poses]))
         self._solids = [union([placed]) for placed in link.shapes]
-        self._profiles: dict[tuple[int, int, int], Profile | None] = {}
 
     def cut(self, solid: Any, lying: Lying) -> Halves | None:
         """Cut a piece where that is best; None: no cut has room, none makes it better, or each leaves a sliver.
@@ -271,22 +269,16 @@ class _Cutter:
     def _profile(
         self, number: int, axis: int, at_mm: float, turned: int = 0
     ) -> tuple[Array, Profile] | None:
-        """Return the frame of a cut, and the section of the component above it; None: it is not straight there."""
-        frame = self._frame(number, axis, at_mm, turned)
-        key = (number, axis, turned)
-        if key not in self._profiles:
-            solid = self._solids[number]
-            middle = self._frame(number, axis, 0.0, turned)
-            profile = straight_profile(solid, middle, 1.0)
-            length = 1000 * float(self._link.shapes[number][0].bounds[1][axis])
-            straight = profile is not None and is_prism(profile, length, solid)
-            self._profiles[key] = profile if straight else None
-
-        profile = self._profiles[key]
+        """Return the frame of a cut, and the section of the component above it; None: it is not convex there."""
+        half = 500 * float(self._link.shapes[number][0].bounds[1][axis]) - 1.0
+        ahead = -REACH_MM[0] / 2 if turned & 1 else REACH_MM[0] / 2
+        within = float(np.clip(at_mm + ahead, -half, half))
+        place = self._frame(number, axis, within, turned)
+        profile = convex_section(self._solids[number], place)
         if profile is None:
-            profile = straight_profile(self._solids[number], frame, REACH_MM[0])
+            return None
 
-        return None if profile is None else (frame, profile)
+        return self._frame(number, axis, at_mm, turned), profile
 
     def _part(self, solid: Any, cuts: Sequence[Cut]) -> tuple[Any, Any] | None:
         """Part a piece at components, on either side of each place; None: it does not fall into two."""

@@ -240,15 +240,8 @@ def _find_seat(
         UserError: no screw fits the plate.
     """
     flange = robot.flange
-    radius = HEADS_MM[flange.thread] / 2
     least = LEAST_THREADS * float(flange.thread[1:])
-    depths = [_measure_depth(solid, 1000 * place, plate_mm)]
-    for angle in np.arange(12) * math.tau / 12:
-        rim = radius * np.array([math.cos(angle), math.sin(angle)])
-        depths.append(_measure_depth(solid, 1000 * place + rim, plate_mm))
-
-    deep = min(depths)
-
+    deep = _measure_depth(solid, place, HEADS_MM[flange.thread] / 2000, plate_mm)
     seats = []
     for length in SCREWS_MM:
         reaches = length >= plate_mm + least - 1e-6
@@ -263,23 +256,19 @@ def _find_seat(
     return max(seats)
 
 
-def _measure_depth(solid: Any, place: Array, plate_mm: float) -> float:
-    """Measure how far below the face a solid goes without a gap.
+def _measure_depth(solid: Any, place: Array, radius: float, plate_mm: float) -> float:
+    """Measure how far below the face a solid goes without a gap below a screw's head, millimetres.
 
     Args:
         solid: a Manifold, millimetres.
-        place: x and y (2,) where it is measured, millimetres.
-        plate_mm: the plate's thickness, in the middle of which the ray begins.
-
-    Returns:
-        Millimetres; 0 where nothing is hit.
+        place: x and y of the screw (2,), metres.
+        radius: of its head, metres.
+        plate_mm: the plate's thickness, from the middle of which on it is measured.
     """
-    low = solid.bounding_box()[2] - 1
-    for hit in solid.ray_cast((*place, -plate_mm / 2), (*place, low)):
-        if hit.normal[2] < -1e-6:
-            return -float(hit.position[2])
-
-    return 0.0
+    low = solid.bounding_box()[2] / 1000 - 0.001
+    column = union([_upright(place, low, -plate_mm / 2000, radius)])
+    gaps = column - solid
+    return -float(gaps.bounding_box()[5])
 
 
 def _find_weak(link: ToolLink, cut: Sequence[Placed]) -> str | None:

@@ -53,10 +53,7 @@ SCREW_G = 1.0  # with its insert
 SCREWS = 2
 ASIDE_MM = 0.02  # of bores: with a corner on the edge of a round shaft a mesh would not be closed
 
-SAME_AREA = (
-    0.01  # of a section that is convex, and of one that stays the same along a shaft
-)
-
+SAME_AREA = 0.01  # of a section that is convex
 
 Make = Callable[[Sequence[Placed]], Any]
 """Makes a solid of shapes: a Manifold (`union`), or that of another kernel with the same operators."""
@@ -253,16 +250,14 @@ def _hull(frame: Array, points: Array) -> Placed:
     return Mesh.hull_of(placed / 1000), Pose()
 
 
-def straight_profile(solid: Any, frame: Array, length: float) -> Profile | None:
-    """Return the section of a component that is convex and the same along a length from a frame on.
+def convex_section(solid: Any, frame: Array) -> Profile | None:
+    """Return the section of a component where a joint's frame (4, 4) is; None: it is not convex.
 
     Args:
         solid: the component as a Manifold, millimetres.
-        frame: (4, 4) of the joint.
-        length: along z.
+        frame: of the section, whose z is square to it.
     """
-    local = solid.transform(np.linalg.inv(frame)[:3])
-    section = local.slice(length / 2)
+    section = solid.transform(np.linalg.inv(frame)[:3]).slice(0.0)
     if section.is_empty() or len(section.to_polygons()) != 1:
         return None
 
@@ -271,12 +266,6 @@ def straight_profile(solid: Any, frame: Array, length: float) -> Profile | None:
         return None
 
     return Profile(convex)
-
-
-def is_prism(profile: Profile, length: float, solid: Any) -> bool:
-    """Report whether a component, a Manifold, has one section from end to end."""
-    volume = float(profile.section.area()) * length
-    return abs(float(solid.volume()) - volume) <= SAME_AREA * volume
 
 
 def make_joint(

@@ -35,6 +35,13 @@ from plugins.results.workshop.verdicts import list_verdicts
 HOW = "Strength: forces of the rollout where they act, on beams; without notches, {}axial forces and fatigue."
 
 
+SHOWN = (
+    False,
+    None,
+    True,
+)  # the order of checks: what fails, what is not known, what passed
+
+
 def figures(
     printed_tool: PrintedTool, strengths: Sequence[Strength], task: Task
 ) -> dict[str, Any]:
@@ -177,10 +184,6 @@ def write_sheet(
     tool = printed_tool.tool
     data = figures(printed_tool, strengths, task) | {"held": list(held)}
     checks = [Check(**verdict) for verdict in data["verdicts"]]
-    failing = [check for check in checks if check.passed is False]
-    unknown = [check for check in checks if check.passed is None]
-    passed = [check for check in checks if check.passed is True]
-
     shown = [in_viewer(tool, robot, data["tool"], size(tool, robot))]
     apart = None
     if printed_tool.joints:
@@ -197,8 +200,8 @@ def write_sheet(
         title=data["tool"],
         apart=apart,
         sheet=data,
-        checks=[*failing, *unknown, *passed],
-        failing={check.part for check in failing},
+        checks=sorted(checks, key=lambda check: SHOWN.index(check.passed)),
+        failing={check.part for check in checks if check.passed is False},
     )
     write_bytes(folder / "sheet.html", page.encode())
     write_bytes(folder / "sheet.json", (json.dumps(data, indent=2) + "\n").encode())
