@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from core.design import Component
-from core.geometry import Array, Pose
+from core.geometry import Array
 from core.values.materials import Material
 from core.values.printers import Printer
 from plugins.results.workshop.joints import (
@@ -18,7 +18,6 @@ from plugins.results.workshop.joints import (
     KERF_MM,
     REACH_MM,
     Joint,
-    Make,
     Profile,
     convex_section,
     make_joint,
@@ -332,7 +331,7 @@ class _Cutter:
             below, above = halves
             if not all(_slides(joint, below, above) for joint in joints):
                 continue
-            if any(find_pieces(joint, halves) != (0, 1) for joint in joints[1:]):
+            if any(joint.find_pieces(halves) != (0, 1) for joint in joints[1:]):
                 continue
 
             for joint in joints:
@@ -405,24 +404,3 @@ def _distinct(directions: Array) -> Array:
             kept.append(direction)
 
     return np.array(kept)
-
-
-def find_pieces(
-    joint: Joint, solids: Sequence[Any], make: Make = union
-) -> tuple[int, int]:
-    """Say which pieces a joint joins: the number of that with the tongue, and of that with the socket.
-
-    Args:
-        joint: between two of them.
-        solids: the pieces; of one that is not cut yet both numbers are its.
-        make: makes what is looked for in them, as they are made.
-    """
-    shape, pose = joint.probe
-    ahead = Pose((joint.reach_mm + 2.5) / 1000 * joint.along)
-    numbers = []
-    for probe in ((shape, pose), (shape, ahead @ pose)):
-        looked_for = make([probe])
-        shared = [(solid ^ looked_for).volume() for solid in solids]
-        numbers.append(int(np.argmax(shared)))
-
-    return numbers[0], numbers[1]

@@ -37,7 +37,6 @@ from OCP.TopoDS import TopoDS
 from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape, Sphere
 from core.support.cli import write_bytes
 from plugins.results.workshop.body import Body
-from plugins.results.workshop.cutting import find_pieces
 from plugins.results.workshop.printing import Check
 from plugins.results.workshop.solid import Placed, to_mesh, union
 from plugins.results.workshop.tool import PrintedTool
@@ -213,7 +212,7 @@ def _cut(printed_tool: PrintedTool, body: Body) -> list[Exact]:
         if joint.component not in body.link.names:
             continue
 
-        below, above = (pieces[n] for n in find_pieces(joint, pieces, make_exact))
+        below, above = (pieces[n] for n in joint.find_pieces(pieces, make_exact))
         pieces = [piece for piece in pieces if piece not in (below, above)]
         if (
             below is above

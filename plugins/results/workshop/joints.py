@@ -170,12 +170,25 @@ class Joint:
         if len(pieces) != 2:
             return None
 
-        probe = make([self.probe])
-        first, second = pieces
-        if (first ^ probe).volume() > (second ^ probe).volume():
-            return first, second
+        below, _ = self.find_pieces(pieces, make)
+        return pieces[below], pieces[1 - below]
 
-        return second, first
+    def find_pieces(self, solids: Sequence[Any], make: Make = union) -> tuple[int, int]:
+        """Say which pieces it joins: the number of that with the tongue, and of that with the socket.
+
+        Args:
+            solids: the pieces; of one that is not cut yet both numbers are its.
+            make: makes what is looked for in them, as they are made.
+        """
+        shape, pose = self.probe
+        ahead = Pose((self.reach_mm + 2.5) / 1000 * self.along)
+        numbers = []
+        for probe in ((shape, pose), (shape, ahead @ pose)):
+            looked_for = make([probe])
+            shared = [(solid ^ looked_for).volume() for solid in solids]
+            numbers.append(int(np.argmax(shared)))
+
+        return numbers[0], numbers[1]
 
     def finish(self, below: Any, above: Any, make: Make = union) -> tuple[Any, Any]:
         """Add the tongue to the piece below, and the socket to that above."""

@@ -227,11 +227,6 @@ def joined(
 
 def _joint_width(solid: Any, other: Any) -> float:
     """Measure what two solids share across its second longest side, mm; -inf: they share nothing."""
-    low, high = np.reshape(solid.bounding_box(), (2, 3))
-    other_low, other_high = np.reshape(other.bounding_box(), (2, 3))
-    if (np.maximum(low, other_low) > np.minimum(high, other_high)).any():
-        return -math.inf
-
     shared = solid ^ other
     if shared.is_empty():
         return -math.inf

@@ -16,7 +16,7 @@ from core.values.materials import Material
 from core.values.printers import Printer
 from core.values.robots import Robot
 from plugins.results.workshop.body import Body, check_apart, fuse
-from plugins.results.workshop.cutting import Pieces, cut_to_fit, find_pieces
+from plugins.results.workshop.cutting import Pieces, cut_to_fit
 from plugins.results.workshop.flange import at_flange
 from plugins.results.workshop.joints import SCREWS, Joint
 from plugins.results.workshop.mount import Mount, weighed
@@ -200,7 +200,7 @@ def _print_all(
     for body, pieces in zip(fitted, cut, strict=True):
         before = len(parts) + 1
         for joint in pieces.joints:
-            below, above = find_pieces(joint, pieces.solids)
+            below, above = joint.find_pieces(pieces.solids)
             name = f"joint_{len(joints) + 1}"
             while name in components:
                 name += "_"
