@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from core.design import Component
 from core.geometry import Array
 from core.values.materials import Material
 from core.values.printers import Printer
@@ -95,7 +94,6 @@ def lies_well(lying: Lying) -> bool:
 def cut_to_fit(
     solid: Any,
     link: ToolLink,
-    components: Sequence[Component],
     printer: Printer,
     fit: Fit,
     material: Material,
@@ -105,7 +103,6 @@ def cut_to_fit(
     Args:
         solid: a link of a tool with its mount, a Manifold in millimetres.
         link: whose components are cut.
-        components: those of the link, in its order.
         printer: whose plate counts.
         fit: the gaps of a joint.
         material: of the tool.
@@ -114,7 +111,7 @@ def cut_to_fit(
     if whole.fits and whole.firm:
         return Pieces((solid,))
 
-    cutter = _Cutter(link, components, printer, fit, material)
+    cutter = _Cutter(link, printer, fit, material)
     done: list[Any] = []
     waiting = [solid]
     joints: list[Joint] = []
@@ -142,13 +139,11 @@ class _Cutter:
     def __init__(
         self,
         link: ToolLink,
-        components: Sequence[Component],
         printer: Printer,
         fit: Fit,
         material: Material,
     ) -> None:
         self._link = link
-        self._components = components
         self._printer = printer
         self._fit = fit
         self._material = material
@@ -351,8 +346,8 @@ class _Cutter:
             return None
 
         frame, profile = shaft
-        component = self._components[cut.component]
-        joint = make_joint(component, frame, profile, self._fit, self._material)
+        name = self._link.names[cut.component]
+        joint = make_joint(name, frame, profile, self._fit, self._material)
         return joint if joint is not None and joint.room.is_in(solid) else None
 
     def _judge(self, pieces: Sequence[Any]) -> tuple[float, float, float]:
@@ -365,18 +360,18 @@ class _Cutter:
 
     def advise(self, piece: Any, lying: Lying) -> str:
         """Say what to shorten where a piece does not fit and no cut makes it fit."""
-        longest = max(self._components, key=lambda item: self._length_in(piece, item))
-        length = self._length_in(piece, longest)
+        lengths = [self._length_in(piece, n) for n in range(len(self._solids))]
+        length = max(lengths)
+        longest = self._link.names[lengths.index(length)]
         size = " × ".join(f"{side:.0f}" for side in lying.size)
         return (
-            f"no joint makes its part of {size} mm fit: shorten {longest.name}, {length:.0f} mm of which are in it, "
+            f"no joint makes its part of {size} mm fit: shorten {longest}, {length:.0f} mm of which are in it, "
             f"leave {REACH_MM[0] + 5:.0f} mm of a component straight and free of others, open it where it is closed "
             "like a tray or a tube, or choose a larger printer"
         )
 
-    def _length_in(self, piece: Any, component: Component) -> float:
+    def _length_in(self, piece: Any, number: int) -> float:
         """How long a component is in a piece, mm."""
-        number = self._link.names.index(component.name)
         shared = piece ^ self._solids[number]
         if shared.is_empty():
             return 0.0

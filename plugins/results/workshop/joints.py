@@ -282,12 +282,12 @@ def convex_section(solid: Any, frame: Array) -> Profile | None:
 
 
 def make_joint(
-    component: Component, frame: Array, profile: Profile, fit: Fit, material: Material
+    component: str, frame: Array, profile: Profile, fit: Fit, material: Material
 ) -> Joint | None:
     """Make a joint for a shaft of a section; None: its section has no room for a tongue.
 
     Args:
-        component: that is cut.
+        component: the name of what is cut.
         frame: (4, 4) of the joint.
         profile: the component's section.
         fit: the gap between tongue and socket, and the bore of an insert.
@@ -329,7 +329,7 @@ def make_joint(
         return min(whole, outer.modulus(axis, material, pocket))
 
     return Joint(
-        component=component.name,
+        component=component,
         frame=frame,
         room=_find_room(frame, profile, outer, reach, end + wall),
         slab=outer.grown(FREE_MM).pushed(frame, 0.0, KERF_MM),

@@ -120,7 +120,7 @@ def make_tool(
 
     links = links_of(tool)
     fitted = [fuse(link, printer, partial(_mount, robot, link, fit)) for link in links]
-    parts, joints = _print_all(tool, fitted, printer, fit, material)
+    parts, joints = _print_all(fitted, printer, fit, material)
 
     taken = [component.name for component in tool.components]
     added = list[Component]()
@@ -172,28 +172,25 @@ def make_tool(
 
 
 def _print_all(
-    tool: Tool, fitted: Sequence[Body], printer: Printer, fit: Fit, material: Material
+    fitted: Sequence[Body], printer: Printer, fit: Fit, material: Material
 ) -> tuple[list[PrintedPart], list[Joint]]:
     """Cut links that don't fit the plate, number their pieces, and lay all parts on it; what is milled stays whole.
 
     Args:
-        tool: whose links they are.
-        fitted: the links, with what fits them to the arm.
+        fitted: the links of a tool, with what fits them to the arm.
         printer: whose plate counts.
         fit: the gaps of joints.
         material: of the tool.
     """
-    components = {component.name: component for component in tool.components}
     cut = []
     for body in fitted:
-        members = [components[name] for name in body.link.names]
+        solid = body.mount.solid
         if material.is_metal:
-            cut.append(Pieces((body.mount.solid,)))
+            cut.append(Pieces((solid,)))
         else:
-            cut.append(
-                cut_to_fit(body.mount.solid, body.link, members, printer, fit, material)
-            )
+            cut.append(cut_to_fit(solid, body.link, printer, fit, material))
 
+    taken = [name for body in fitted for name in body.link.names]
     several = any(pieces.joints for pieces in cut)
     parts = list[PrintedPart]()
     joints = list[Joint]()
@@ -202,7 +199,7 @@ def _print_all(
         for joint in pieces.joints:
             below, above = joint.find_pieces(pieces.solids)
             name = f"joint_{len(joints) + 1}"
-            while name in components:
+            while name in taken:
                 name += "_"
             pair = (before + below, before + above)
             joints.append(replace(joint, name=name, pieces=pair))
