@@ -25,35 +25,17 @@ from plugins.results.workshop.policy import (
     ExportedPlan,
     Move,
     Policy,
-    Resolve,
     Stopped,
 )
-
-
-def start(exported: ExportedPlan, scene: Scene, tool: Tool) -> DryReactions:
-    """Make what carries a plan out in one world.
-
-    Args:
-        exported: the plan.
-        scene: of the layout.
-        tool: that the arm holds there.
-    """
-    task = exported.task.shared()
-    plan = exported.candidate.plan
-    settings = exported.settings
-    meaning: Resolve = partial(resolve, plan, task, exported.layout, settings, scene)
-    eyes = Lookout(task, scene, tool, exported.layout, settings)
-
-    return DryReactions(meaning, exported, eyes)
 
 
 class DryReactions:
     """Carries a plan out in one world, as the playback asks for (`core.interfaces.Reactions`).
 
     Args:
-        meaning: says what the plan means.
         exported: the plan; its layout is the seed of the noise of what is felt.
-        eyes: see the world.
+        scene: of the layout.
+        tool: that the arm holds there.
 
     Attributes:
         felt: how guards ended so far.
@@ -66,10 +48,14 @@ class DryReactions:
     feels = True
     looks = True
 
-    def __init__(self, meaning: Resolve, exported: ExportedPlan, eyes: Lookout) -> None:
-        self._meaning = meaning
+    def __init__(self, exported: ExportedPlan, scene: Scene, tool: Tool) -> None:
+        task = exported.task.shared()
+        layout = exported.layout
+        settings = exported.settings
+        plan = exported.candidate.plan
         self._exported = exported
-        self._eyes = eyes
+        self._meaning = partial(resolve, plan, task, layout, settings, scene)
+        self._eyes = Lookout(task, scene, tool, layout, settings)
 
     def begin(self) -> JointTrajectory:
         """See `core.interfaces.Reactions`."""

@@ -17,7 +17,7 @@ from core.solids.penetration import findings
 from core.support.text import number
 from core.task import reward_of
 from core.values.torques import TorqueShare, find_hardest
-from plugins.results.workshop.dry_run import DryReactions, start
+from plugins.results.workshop.dry_run import DryReactions
 from plugins.results.workshop.policy import ExportedPlan
 
 RECORD_HZ = 100.0
@@ -84,7 +84,7 @@ def play_motion(
     reactions = None
     try:
         if isinstance(motion, ExportedPlan):
-            reactions = start(motion, scene, tool)
+            reactions = DryReactions(motion, scene, tool)
             motion = reactions.begin()
         job = Rollout(
             tool,
