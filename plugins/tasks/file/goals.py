@@ -16,6 +16,7 @@ from core.goals import (
     reaches,
 )
 from core.plugins import installed
+from core.support.templates import fill
 
 ENDS = ("held", "released", "rest", "stands_on")
 """What bodies can be asked for at the end, wherever they are."""
@@ -165,28 +166,6 @@ def join_entries(entries: Sequence[Entry]) -> tuple[Goal, ...]:
 
 def describe_goals(goals: Sequence[Goal], every: bool = False) -> list[str]:
     """Describe goals and the reward that `goals_reward` makes of them, in lines."""
-    lines = [f"{number}. {goal.describe()}" for number, goal in enumerate(goals)]
-    wanted = reaches(goals)
-    if wanted:
-        lines.append(
-            "The progress of a goal is max(0, 1 - d / d0). Here d is how far its bodies are from it at the end, beyond "
-            "the tolerance or limit, d0 the same at the start; of several bodies it is the mean, and any one is the "
-            "best."
-        )
-
-    if any(goal.needs_fixture for goal in goals):
-        lines.append(
-            "The fixture is what the design adds to the scene. Nothing is earned for a goal that names it where there "
-            "is none."
-        )
-
-    counts = "the mean of the goals' progress, by weight"
-    if len(wanted) < 2:
-        counts = "the progress"
-    elif not every:
-        counts = "the progress of the best goal"
-
-    if not wanted:
-        counts = "0: nothing is to be reached"
-
-    return [*lines, f"The reward is {counts}."]
+    wanted = len(reaches(goals))
+    package = "plugins.tasks.file"
+    return fill(package, "goals", goals=goals, wanted=wanted, every=every).splitlines()
