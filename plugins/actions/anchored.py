@@ -30,6 +30,7 @@ from core.interfaces import (
 )
 from core.support.inputs import check
 from core.support.templates import fill
+from core.support.text import count_words
 from plugins.actions.blocks import (
     MAX_DEPTH,
     MAX_GUARDS,
@@ -45,7 +46,6 @@ from plugins.actions.blocks import (
     dump_items,
     list_items,
     list_waypoints,
-    outline,
     parts_of,
 )
 from plugins.actions.reactions import PlannedReactions
@@ -114,10 +114,14 @@ class AnchoredPlan(ActionPlan):
     def outline(self) -> list[str]:
         if not self.looks:
             return []
-        return [
-            *outline(self.steps),
-            f"at most {self.cost}; what follows a look is not checked before it is played",
-        ]
+        said = fill(
+            "plugins.actions",
+            "outline",
+            steps=self.steps,
+            cost=self.cost,
+            count=count_words,
+        )
+        return said.splitlines()
 
     def most_seconds(self, look_s: float) -> float:
         if not self.looks:

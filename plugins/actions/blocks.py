@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass as plain
 from dataclasses import replace
 from fnmatch import fnmatchcase
-from itertools import groupby
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -101,18 +100,6 @@ class Sighting:
     def names(self) -> tuple[str, ...]:
         """The bodies and marks that it names, but for its pattern."""
         return tuple(filter(None, (self.at, self.inside)))
-
-    def __str__(self) -> str:
-        if self.goal is not None:
-            return f"goal {self.goal}"
-
-        enough = f"{self.enough} of " if self.enough else ""
-        if self.above is not None:
-            return f"{enough}{self.body} above {self.above:g} m"
-        if self.inside:
-            return f"{enough}{self.body} inside {self.inside}"
-
-        return f"{enough}{self.body} within {self.within:g} m of {self.at}"
 
 
 @dataclass(frozen=True, config=FIELDS)
@@ -283,41 +270,6 @@ def _count(item: Item) -> Array:
             return item.at_most * _count_all(item.repeat)
         case Each():
             return item.at_most * _count_all(item.do)
-
-
-def outline(items: Sequence[Item], indent: str = "") -> list[str]:
-    """Describe steps in lines, those within a block farther to the right."""
-    lines = []
-    for is_step, group in groupby(items, lambda item: isinstance(item, Step)):
-        alike = list(group)
-        if is_step:
-            lines.append(f"{indent}{count_words(len(alike), 'waypoint')}")
-            continue
-
-        for item in alike:
-            for heading, part in _head_parts(item).items():
-                lines.append(f"{indent}{heading}")
-                lines += outline(part, f"{indent}  ")
-
-    return lines
-
-
-def _head_parts(item: Item) -> dict[str, tuple[Item, ...]]:
-    """Return what is within a look or block, by the line before it."""
-    match item:
-        case Choose():
-            parts = {f"if {item.choose} is seen:": item.then}
-            if item.otherwise:
-                parts["otherwise:"] = item.otherwise
-            return parts
-        case Repeat():
-            most = f"at most {count_words(item.at_most, 'time')}"
-            return {f"until {item.until_seen} is seen, {most}:": item.repeat}
-        case Each():
-            until = f"until {item.until_seen} is seen, at most {item.at_most}"
-            return {f"for each of {item.each} {until}:": item.do}
-        case _:
-            return {"look": ()}
 
 
 def match_names(pattern: str, names: Iterator[str] | Sequence[str]) -> list[str]:
