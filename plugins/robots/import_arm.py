@@ -25,6 +25,7 @@ from core.plugins import ROBOT
 from core.plugins.registry import check_settings
 from core.robot.kinematics import arm_of, link_poses
 from core.support.files import read_untrusted
+from core.support.templates import fill
 from core.support.text import hydra_word, short_numbers
 from core.values.descriptions import Description
 from plugins.robots.arm_files import read_arm
@@ -41,8 +42,6 @@ from plugins.robots.home_search import (
 from plugins.robots.own_arm import Unmounted, build_unmounted
 from plugins.robots.turned_mount import START
 from plugins.robots.urdf import urdf
-
-_BEYOND_M = 1e-3  # what reaches less beyond the mount is nothing
 
 
 def take_arm(_file: Path, cfg: DictConfig) -> Taken:
@@ -79,30 +78,27 @@ def take_arm(_file: Path, cfg: DictConfig) -> Taken:
         problems = map(str, error.problems or [error])
         raise type(error)("\n- ".join(problems)) from error
 
-    lines = list(arm.notes)
-    if found.factor != 1:
-        lines.append(describe_factor(found.factor))
-
     home = arm_of(found.robot).home
     place = named.pose.apply(found.factor * arm_of(found.robot).forward(home).position)
     place[2] += found.lift_m
     home_word = f"robot.home=[{short_numbers(home, HOME_DIGITS, ',')}]"
-    lines += [
-        f"the flange {arm.flange!r}, borne by {', '.join(arm.joints)}, is at "
-        f"({short_numbers(place, 3, ', ')}) and looks down",
-        home_word,
-        *hand,
-        *found.words,
-    ]
-    if found.robot.gripper is None:
-        lines += _describe_beyond(arm, found.robot)
-
     given = [f"robot={named.name}", *_write_settings(cfg.robot), *hand, home_word]
     if chosen.flange is None:
         given.append(f"robot.flange={hydra_word(arm.flange)}")
 
     words = [*given, *found.words]
-    lines.append(f"type next: python -m core.run {shlex.join(words)} task=BringCube")
+    said = fill(
+        "plugins.robots",
+        "arm",
+        arm=arm,
+        larger=describe_factor(found.factor) if found.factor != 1 else "",
+        place=short_numbers(place, 3, ", "),
+        found_words=[home_word, *hand, *found.words],
+        command=shlex.join(words),
+        word=write_word,
+        **_find_beyond(arm, found.robot),
+    )
+    lines = said.splitlines()
     return Taken(lines, words, _find_frames(words))
 
 
@@ -165,20 +161,22 @@ def take_gripper(file: Path, _cfg: DictConfig) -> Taken:
             f"{file} has no two slides that open from 0 in opposite ways; only parallel grippers are used"
         )
 
-    base = description.root
-    return Taken(
-        [
-            f"{file} is a parallel gripper, with the fingers {' and '.join(fingers)}; make it a part of an arm's "
-            "URDF: copy its links and joints there, and join it to the flange:",
-            f'<joint name="gripper_fixed" type="fixed"><parent link="FLANGE"/><child link="{base}"/></joint>',
-            "and then: vlmgineer import ARM.urdf robot.flange=FLANGE "
-            + write_word("gripper", {"link": base, "joints": list(fingers)}),
-        ]
+    said = fill(
+        "plugins.robots",
+        "gripper",
+        file=file,
+        fingers=fingers,
+        base=description.root,
+        word=write_word,
     )
+    return Taken(said.splitlines())
 
 
-def _describe_beyond(arm: Unmounted, robot: Robot) -> list[str]:
-    """Say what is in the way of tools, and how to take it out or use it as the gripper."""
+def _find_beyond(arm: Unmounted, robot: Robot) -> dict[str, Any]:
+    """Find what is in the way of tools: links, the fingers of the first, and how far the flange's shape reaches."""
+    if robot.gripper is not None:
+        return {"beyond": [], "depth_m": 0.0}
+
     description = arm.description
     solid = set[str]()
     for name, link in description.links.items():
@@ -187,22 +185,8 @@ def _describe_beyond(arm: Unmounted, robot: Robot) -> list[str]:
 
     on_flange = [j.child for j in description.joints.values() if j.parent == arm.flange]
     beyond = [link for link in on_flange if link in solid]
-    if beyond:
-        words = write_word("without", beyond)
-        lines = [f"{', '.join(beyond)} hang where tools go; leave out {words}"]
-        fingers = find_fingers(description, beyond[0])
-        if fingers is not None:
-            gripper = {"link": beyond[0], "joints": list(fingers)}
-            lines.append(f"or use it as the gripper: {write_word('gripper', gripper)}")
-
-        return lines
-
-    depth = measure_depth(robot)
-    if depth > _BEYOND_M:
-        return [
-            f"tools begin at the frame of {arm.flange!r}, and its shape reaches {1000 * depth:.0f} mm beyond; if tools "
-            "go on its face:",
-            f"robot.face_m={depth:.4f}",
-        ]
-
-    return []
+    return {
+        "beyond": beyond,
+        "fingers": find_fingers(description, beyond[0]) if beyond else None,
+        "depth_m": measure_depth(robot),
+    }

@@ -26,6 +26,7 @@ from core.scene import Body, Joint
 from core.solids.standing import bound
 from core.support.cli import expand, write_bytes
 from core.support.files import read_untrusted
+from core.support.templates import fill
 from plugins.tasks.file.imports import Imported, read_bodies, read_mesh
 from plugins.tasks.file.task import FileTask
 
@@ -99,32 +100,23 @@ def take_scene(file: Path, cfg: DictConfig) -> Taken:
     text = yaml.safe_dump(scene, sort_keys=False, default_flow_style=None, width=110)
     write_bytes(output, text.encode())
     task = FileTask(str(output))
-    lines = [
-        _describe(placed.held, size),
-        *placed.lines,
-        *placed.held.notes,
-    ]
+    lines = fill(
+        "plugins.tasks.file",
+        "taken",
+        held=placed.held,
+        size=size,
+        lines=placed.lines,
+        output=output,
+        wanted=wanted,
+    ).splitlines()
     words = ["task=file", f"task.file={output}"]
     if cfg.robot.name != "panda":
         words.append(f"robot={cfg.robot.name}")
 
-    lines += [
-        f"{output} puts it on the table; its goal, to begin with: {wanted}",
-        f"type next: python -m core.run task=file task.file={output}",
-    ]
     taken = {body.name for body in placed.held.bodies}
     bodies = [body for body in task.scene(0).bodies if body.name in taken]
     frames = {body.name: body.pose for body in bodies[:_MOST_FRAMES]}
     return Taken(lines, words, frames)
-
-
-def _describe(held: Imported, size: Array) -> str:
-    """Say what a file holds."""
-    sides = " x ".join(f"{side:.3g}" for side in size)
-    bodies = len(held.bodies)
-    joints = ", ".join(f"{joint.name} ({joint.kind})" for joint in held.joints)
-    moved = f", with the joints {joints}" if joints else ""
-    return f"it holds {bodies} {'body' if bodies == 1 else 'bodies'}{moved}; it is {sides} m large"
 
 
 def _choose_name(file: Path) -> str:
