@@ -133,7 +133,7 @@ class Player:
         self.error: str | None = None
         self._ahead = ahead
 
-        self._torques: Array | None = None
+        self._torques: list[Array] = []
         self._notes: dict[int, Any] = {}  # by the number of steps that are done
 
     def settling(self) -> Block:
@@ -243,13 +243,8 @@ class Player:
 
     def add_torques(self, passed: Passed) -> None:
         """Take the greatest torques of steps of the motion that did happen."""
-        if passed.torques is None:
-            return
-
-        known = self._torques
-        if known is None:
-            known = passed.torques
-        self._torques = np.maximum(known, passed.torques)
+        if passed.torques is not None:
+            self._torques.append(passed.torques)
 
     def _keep(self, block: Block, passed: Passed, count: int) -> None:
         """Keep the notes of so many of a block's steps."""
@@ -294,7 +289,7 @@ class Player:
             recording=recording,
             felt=reactions.felt if reactions else (),
             looked=reactions.looked if reactions else (),
-            torques=self._torques,
+            torques=np.max(self._torques, axis=0) if self._torques else None,
             time_step=schedule.time_step,
         )
 

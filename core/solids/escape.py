@@ -112,17 +112,14 @@ def _measure_way(
     parts: Sequence[Solid], obstacles: Obstacles, direction: Array
 ) -> float:
     """Measure how far parts have to go until they are beyond all bodies, metres."""
-    ends = []
-    for middle, half in zip(obstacles.centers, obstacles.halves, strict=True):
-        if half.max() < HUGE_M / 2:
-            ends.append(float(middle @ direction + half @ np.abs(direction)))
+    across = np.abs(direction)
+    small = obstacles.halves.max(axis=1) < HUGE_M / 2
+    ends = obstacles.centers @ direction + obstacles.halves @ across
+    bounds = [part.bounds() for part in parts]
+    begin = min(middle @ direction - half @ across for middle, half in bounds)
+    way = ends[small].max(initial=begin) - begin
 
-    begins = []
-    for part in parts:
-        middle, half = part.bounds()
-        begins.append(float(middle @ direction - half @ np.abs(direction)))
-
-    return min(max(0.0, max(ends, default=0.0) - min(begins)), 2.0) + FAR_M
+    return min(float(way), 2.0) + FAR_M
 
 
 def _sweep(part: Solid, way: Array) -> Solid:

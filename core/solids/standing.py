@@ -6,6 +6,7 @@ A layout that a variation draws is looked at as the nominal one is.
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
@@ -57,12 +58,11 @@ def bound(body: Body) -> Box:
 def bound_upright(scene: Scene) -> dict[str, Box]:
     """Bound each body that collides as `bound`, turned so that gravity draws down."""
     upright = turn_upright(scene.gravity)
-    turned = {
-        body.name: replace(body, pose=upright @ body.pose)
+    return {
+        body.name: bound(replace(body, pose=upright @ body.pose))
         for body in scene.bodies
         if body.collides
     }
-    return {name: bound(body) for name, body in turned.items()}
 
 
 def turn_upright(gravity: Vector) -> Pose:
@@ -208,7 +208,7 @@ def find_layout_warnings(task: Task) -> Iterator[str]:
     nominal = plain.scene(0)
     known = {fault.bodies for fault in find_faults(nominal)}
     first = dict[Pair, str]()
-    count = dict[Pair, int]()
+    count = Counter[Pair]()
 
     for seed in range(LAYOUTS):
         scene = task.scene(seed)
@@ -216,7 +216,7 @@ def find_layout_warnings(task: Task) -> Iterator[str]:
             if fault.bodies not in known:
                 where = f"in layout {seed} of variation {task.variation}"
                 first.setdefault(fault.bodies, f"{where}, {fault.text}")
-                count[fault.bodies] = count.get(fault.bodies, 0) + 1
+                count[fault.bodies] += 1
 
     lines = [
         f"{text} (so in {count[bodies]} of {LAYOUTS} layouts)"

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from core.design import Tool
+from core.geometry import Array
 from core.interfaces import Recording, Robot, World
 from core.scene import Scene, State, Trace
 from core.solids.contacts import find_contacts, make_trace
@@ -31,28 +32,19 @@ class Film:
         self._scene = scene
         self._robot = robot
         self._tool = tool
-        self._instants: list[Recording] = []
+        self._instants: list[tuple[float, Array, Array, State]] = []
 
     def add(self, seconds: float, world: World) -> None:
         """Keep the world as it is, ``seconds`` after the first action could be, if the next instant has come."""
         if (seconds + SETTLE_S) * TRACE_HZ >= len(self._instants):
-            self._instants.append(_record(seconds, world))
+            self._instants.append((seconds, *world.joints(), world.state()))
 
     def trace(self, seconds: float, world: World) -> Trace:
         """Return the trace of the episode until now, without forces, which steps don't measure."""
-        instants = [*self._instants, _record(seconds, world)]
+        now = (seconds, *world.joints(), world.state())
+        times, arm, fingers, states = zip(*self._instants, now, strict=True)
         recording = Recording(
-            times=np.array([instant.times for instant in instants]),
-            arm=np.array([instant.arm for instant in instants]),
-            fingers=np.array([instant.fingers for instant in instants]),
-            states=State.stack([instant.states for instant in instants]),
+            np.array(times), np.array(arm), np.array(fingers), State.stack(states)
         )
         contacts = find_contacts(self._scene, self._robot, self._tool, recording)
-        trace = make_trace(self._scene, contacts)
-
-        return replace(trace, forces=None, strains={})
-
-
-def _record(seconds: float, world: World) -> Recording:
-    arm, fingers = world.joints()
-    return Recording(np.array(seconds), arm, fingers, world.state())
+        return replace(make_trace(self._scene, contacts), forces=None, strains={})

@@ -91,8 +91,6 @@ class ArticulatedArm:
         # Of what a joint passes on, the force along its axis comes first, the torque about it fourth.
         self._along = np.where(robot.slides, 0, 3)
         self._setters = [active[number].set_drive_target for number in self._numbers]
-        self._arm_setters = self._setters[: self._arm]
-        self._orders = [math.nan] * len(self._numbers)
 
         self._loose = [numbers[joint_name(bearer.name)] for bearer in tool.bearers]
         self._hung = [bearer.joint for bearer in tool.bearers]
@@ -141,18 +139,8 @@ class ArticulatedArm:
         if self._tool.gripper:
             orders += [order.fingers + ahead * order.finger_speed] * self._fingers
 
-        if orders == self._orders:
-            self._setters[0](orders[0])  # keeps the arm awake
-            return
-
-        setters = self._setters
-        if orders[self._arm :] == self._orders[self._arm :]:
-            setters = self._arm_setters  # the fingers' drives keep their targets
-
-        for set_target, target in zip(setters, orders, strict=False):
+        for set_target, target in zip(self._setters, orders, strict=True):
             set_target(target)
-
-        self._orders = orders
 
     def _pull(self) -> None:
         """Apply the springs and dampers of the tool's joints that have dry friction."""
