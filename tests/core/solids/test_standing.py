@@ -95,15 +95,11 @@ def test_layouts_are_looked_at_as_the_nominal_one_is(tmp_path, ranges, said):
 
 
 @pytest.mark.parametrize(
-    ("path", "right"),
-    [
-        ("bodies.cube.position.yaw", "bodies.cube.rpy_deg.yaw"),
-        ("bodies.cube.rpy_deg.z", "bodies.cube.position.z"),
-        ("bodies.cube.box.yaw", "there is no such number"),
-    ],
+    "path",
+    ["bodies.cube.position.yaw", "bodies.cube.rpy_deg.z", "bodies.cube.box.yaw"],
 )
-def test_an_axis_belongs_to_its_key(tmp_path, path, right):
-    with pytest.raises(UserError, match=right):
+def test_an_axis_belongs_to_its_key(tmp_path, path):
+    with pytest.raises(UserError, match="there is no such number"):
         warnings_of(tmp_path, f"{path}: [0.1, 0.2]")
 
 
