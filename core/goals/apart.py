@@ -40,7 +40,11 @@ class Apart(Reach):
             tuple[int, ...], "Two nodes of a soft body, whose distance is meant"
         ),
     }
-    short = "bring {bodies} to be {goal.apart} m apart"
+    asks = (
+        "{% if goal.nodes %}its nodes {{ goal.nodes[0] }} and {{ goal.nodes[1] }} must end {{ goal.apart }} m from "
+        "each other{% else %}each must end {{ goal.apart }} m from the nearest other of these{% endif %}"
+    )
+    short = "bring {{ bodies }} to be {{ goal.apart }} m apart"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -82,15 +86,6 @@ class Apart(Reach):
         factor = self.apart.aim(nearest, FAR_M) / max(nearest, 1e-6)
         place = places[0] + factor * (start.position(body) - places[0])
         return np.array([place[0], place[1], np.nan])
-
-    def words(self) -> str:
-        if self.nodes:
-            first, last = self.nodes
-            return (
-                f"its nodes {first} and {last} must end {self.apart} m from each other"
-            )
-
-        return f"each must end {self.apart} m from the nearest other of these"
 
     def find_faults(self, site: Site) -> Iterator[str]:
         if len(self.bodies) < 2 and not self.nodes:

@@ -37,8 +37,8 @@ class Away(Reach):
         "at": AT,
         "node": NODE,
     }
-    asks = "must get {goal.away:g} m away from where it starts"
-    short = "move {bodies} by {goal.away:.2g} m"
+    asks = "must get {{ goal.away | g }} m away from where it starts"
+    short = "move {{ bodies }} by {{ goal.away | g(2) }} m"
     names: ClassVar = {"at": ANY_BODY}
     moves = True
     from_start = True

@@ -33,7 +33,12 @@ class Broken(Reach):
     keys: ClassVar = {
         "broken": Key(Names, "Bodies and bonds that must break", head=True)
     }
-    short = "break {goal.subject}"
+    asks = (
+        "must break: the force on {% if goal.any %}any one{% else %}each{% endif %} (of one other thing on a body, or "
+        "at the point of a bond) must once exceed its breaks_n; until then less than half is earned, by the largest "
+        "force"
+    )
+    short = "break {{ goal.subject }}"
     names: ClassVar = {"broken": BREAKABLE}
     of_bodies = False
     needs_trace = True  # the forces are in it
@@ -82,13 +87,6 @@ class Broken(Reach):
     @property
     def breaks(self) -> Names:
         return self.broken
-
-    def words(self) -> str:
-        which = "any one" if self.any else "each"
-        return (
-            f"must break: the force on {which} (of one other thing on a body, or at the point of a bond) must once "
-            "exceed its breaks_n; until then less than half is earned, by the largest force"
-        )
 
     def add_want(self, want: Want, scene: Scene) -> Want:
         return replace(want, breaks=True)

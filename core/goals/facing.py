@@ -12,7 +12,6 @@ from core.geometry import Array, Vector
 from core.goals.evidence import length
 from core.goals.keys import AXIS, TOLERANCE_DEG, Key
 from core.goals.measures import SLIP_RAD, Measure, measure_angle
-from core.goals.phrases import vector
 from core.goals.reaching import Reach
 from core.goals.sites import ANY_BODY
 from core.goals.turned import ALONG
@@ -50,7 +49,11 @@ class Facing(Reach):
         "axis": AXIS,
         "tolerance_deg": TOLERANCE_DEG,
     }
-    short = "turn {bodies} to {goal.facing}"
+    asks = (
+        "axis {{ vector(goal.axis, 3) }} of its frame must point at {{ goal.facing }}, within "
+        "{{ goal.tolerance_deg | g }} degrees"
+    )
+    short = "turn {{ bodies }} to {{ goal.facing }}"
     names: ClassVar = {"facing": ANY_BODY}
     turns = True
 
@@ -71,12 +74,6 @@ class Facing(Reach):
         most = float(np.radians(self.tolerance_deg))
         name = f"angle of {body} to {self.facing}"
         yield Measure(name, angle, most, SLIP_RAD, "rad")
-
-    def words(self) -> str:
-        return (
-            f"axis {vector(self.axis, 3)} of its frame must point at {self.facing}, within {self.tolerance_deg:g} "
-            "degrees"
-        )
 
     def add_want(self, want: Want, scene: Scene) -> Want:
         """Return it with a turn on the level, from where the first body is to what it is to face."""

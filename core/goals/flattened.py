@@ -24,8 +24,8 @@ class Flattened(Reach):
             AboveZero, "The most height of soft bodies at the end, m", head=True
         )
     }
-    asks = "must be at most {goal.max_height_m:g} m high, from its lowest node to its highest"
-    short = "flatten {bodies} to {goal.max_height_m:.2g} m"
+    asks = "must be at most {{ goal.max_height_m | g }} m high, from its lowest node to its highest"
+    short = "flatten {{ bodies }} to {{ goal.max_height_m | g(2) }} m"
     soft_nodes = (0,)
 
     def measures(self, body: str, start: State) -> Sequence[Measure]:

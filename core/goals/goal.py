@@ -11,8 +11,10 @@ from core.errors import UsageError, choices
 from core.geometry import Array
 from core.goals.evidence import Evidence
 from core.goals.keys import NEAR_ENOUGH, Key, Names
+from core.goals.phrases import frame, vector
 from core.goals.sites import Site, find_names, list_names
 from core.scene import FIXTURE, Scene
+from core.support.templates import fill_text
 from core.values.margins import Margin
 from core.values.tools import Fixture
 
@@ -34,8 +36,8 @@ class Goal(ABC):
         keys: those of a scene file by which an entry wants a goal of this kind, or says more of it. A kind has those of
             the kind that it is made from, too; so it has `names`.
         names: the fields that name things of a scene, and which sort of things: `FREE_BODY`, `SOLID_BODY`, ...
-        asks: what it asks, for a prompt: a format of ``goal``; of one to reach what follows its bodies. A kind whose
-            words depend on more has a method `words`.
+        asks: what it asks, for a prompt: a template of ``goal``, with the functions of `core.goals.phrases`; of one to
+            reach what follows its bodies.
         orients: whether it asks how bodies are turned.
     """
 
@@ -102,7 +104,7 @@ class Goal(ABC):
     def words(self) -> str:
         """Say what it asks, see ``asks``; by default its kind and its fields."""
         if self.asks:
-            return self.asks.format(goal=self)
+            return fill_text(self.asks, goal=self, vector=vector, frame=frame)
 
         said = [f"{name}={value!r}" for name, value in self.list_fields().items()]
         return f"{type(self).__name__}({', '.join(said)})"

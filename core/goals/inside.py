@@ -50,10 +50,10 @@ class Inside(Reach):
         )
     }
     asks = (
-        "must end inside {goal.inside}: the middle of each in its hollow; on the way in, through its opening, less "
+        "must end inside {{ goal.inside }}: the middle of each in its hollow; on the way in, through its opening, less "
         "than half is earned by it"
     )
-    short = "bring {bodies} into {goal.inside}"
+    short = "bring {{ bodies }} into {{ goal.inside }}"
     names: ClassVar = {"inside": ANY_BODY}
     moves = True
 

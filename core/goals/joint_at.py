@@ -46,7 +46,12 @@ class JointAt(Reach):
         "change": Key(Bound, "How far from its start the joint must end, rad or m"),
         "tolerance": TOLERANCE,
     }
-    short = "move the joint {goal.joint}"
+    asks = (
+        "must {% if goal.relative %}change from its start by{% else %}get to{% endif %} {% if goal.span %}"
+        "{{ goal.span }}{% else %}{{ goal.to | g }}{% endif %} m or rad"
+        "{% if goal.tolerance and not goal.span %} (within {{ goal.tolerance | g }}){% endif %}"
+    )
+    short = "move the joint {{ goal.joint }}"
     names: ClassVar = {"joint": JOINT}
     of_bodies = False
 
@@ -124,14 +129,6 @@ class JointAt(Reach):
         parent = start.placement(joint.parent)
         to = np.asarray(self.aim(start))
         return placed.carry(to, np.zeros(()), parent).position
-
-    def words(self) -> str:
-        verb = "must change from its start by" if self.relative else "must get to"
-        if self.span is not None:
-            return f"{verb} {self.span} m or rad"
-
-        within = f" (within {self.tolerance:g})" if self.tolerance else ""
-        return f"{verb} {self.to:g} m or rad{within}"
 
     @classmethod
     def translate(cls, key: str, given: Given) -> Given:

@@ -55,6 +55,10 @@ class Kept(Limit):
         "kept_deg": Key(AboveZero, "How far a body to keep may turn, degrees"),
         "throughout": Reach.keys["throughout"],
     }
+    asks = (
+        "leave {{ goal.keep | join(', ') }} in place{% if goal.throughout %} throughout{% endif %}: less is earned "
+        "beyond {{ goal.kept_m | g }} m, nothing from {{ goal.lost_m | g }} m on"
+    )
     names: ClassVar = {"keep": FREE_BODY}
     holds_untouched: ClassVar = True
 
@@ -69,6 +73,11 @@ class Kept(Limit):
     def needs_trace(self) -> bool:
         """Whether it looks at what happened before the end."""
         return self.throughout
+
+    @property
+    def lost_m(self) -> float:
+        """How far a body may move until nothing is earned, m."""
+        return STRAYED * self.kept_m
 
     def _strayed(self, name: str, evidence: Evidence) -> tuple[Array, Array]:
         """Measure how far a body got from its start, m, and was turned, degrees, (...) each."""
@@ -134,13 +143,6 @@ class Kept(Limit):
                 allowed = f"{1000 * self.kept_m:g} mm allowed"
                 text = f"{name} moved by {1000 * moved:.0f} mm, {allowed}"
                 yield Breach(moved / self.kept_m, float(begun), text)
-
-    def words(self) -> str:
-        when = " throughout" if self.throughout else ""
-        return (
-            f"leave {', '.join(self.keep)} in place{when}: less is earned beyond {self.kept_m:g} m, nothing from "
-            f"{STRAYED * self.kept_m:g} m on"
-        )
 
     @classmethod
     def prepare(cls, given: Given) -> Given:

@@ -14,7 +14,7 @@ from core.goals.evidence import length
 from core.goals.goal import Given
 from core.goals.keys import AT, NODE, TOLERANCE, Bounds, Key, Least, Place
 from core.goals.measures import NEAR_M, SLIP_M, Measure
-from core.goals.phrases import Coordinates, frame, vector
+from core.goals.phrases import Coordinates
 from core.goals.reaching import Reach
 from core.goals.sites import ANY_BODY, Site
 from core.goals.wants import Want
@@ -80,6 +80,20 @@ class Placed(Reach):
         "tolerance": TOLERANCE,
         "node": NODE,
     }
+    asks = (
+        "{% if goal.node is not none %}(node {{ goal.node }} of its nodes, from 0) {% endif %}"
+        "must {% if goal.relative %}move from its start{% else %}get to{% endif %}"
+        "{% if goal.places %}{% for place in goal.places %}{% if not loop.first %},{% endif %} {{ vector(place) }}"
+        "{% endfor %} in the frame of {{ goal.at or 'the world' }}, one each, within {{ goal.tolerance | g }}"
+        "{% elif goal.spans %}{% for axis, span in goal.spans.items() %}{% if not loop.first %},{% endif %} {{ axis }} "
+        "{% if goal.relative %}by {% endif %}{{ span }} m{% endfor %}{{ frame(goal.at) }}"
+        "{% else %} {{ vector(goal.place) }}{{ frame(goal.at) }}"
+        "{% if goal.tolerance %} (within {{ goal.tolerance | g }}){% endif %}{% endif %}"
+    )
+    short = (
+        "{% if goal.relative %}move {{ bodies }}{% else %}bring {{ bodies }} to its place"
+        "{% if goal.at %} at {{ goal.at }}{% endif %}{% endif %}"
+    )
     names: ClassVar = {"at": ANY_BODY}
     moves = True
     offset = True
@@ -183,34 +197,6 @@ class Placed(Reach):
         if self.at is None:
             return vectors
         return rotate_back(start.quaternion(self.at), vectors)
-
-    def words(self) -> str:
-        node = f"(node {self.node} of its nodes, from 0) "
-        if self.node is None:
-            node = ""
-
-        verb = "must move from its start" if self.relative else "must get to"
-        return f"{node}{verb}{self._say_place()}"
-
-    def _say_place(self) -> str:
-        """Say where, or by how much."""
-        if self.places:
-            places = ", ".join(map(vector, self.places))
-            return f" {places} in the frame of {self.at or 'the world'}, one each, within {self.tolerance:g}"
-
-        by = "by " if self.relative else ""
-        if self.spans:
-            said = [f" {axis} {by}{span} m" for axis, span in self.spans.items()]
-            return f"{','.join(said)}{frame(self.at)}"
-
-        within = f" (within {self.tolerance:g})" if self.tolerance else ""
-        return f" {vector(self.place or ())}{frame(self.at)}{within}"
-
-    def do(self, bodies: str) -> str:
-        if self.relative:
-            return f"move {bodies}"
-
-        return f"bring {bodies} to its place{f' at {self.at}' if self.at else ''}"
 
     @classmethod
     def translate(cls, key: str, given: Given) -> Given:

@@ -20,12 +20,31 @@ from core.goals.measures import Measure
 from core.goals.sites import FREE_BODY, SOLID_BODY, Site
 from core.goals.wants import Place, Want
 from core.scene import Scene, Soft
+from core.support.templates import fill_text
 from core.values.margins import Margin, find_least, least_first
 from core.values.states import State
 
 STILL_M_S = 0.02  # what is slower is at rest
 STILL_RAD_S = 0.2
 NAMED = 4  # bodies that a description names, where there are more
+TERMS = """\
+{% if goal.enough is none %}
+{% elif goal.enough is float and goal.enough == 1 %}; all of these bodies are needed
+{%- elif goal.enough == 1 %}; one of these bodies is enough
+{%- elif goal.enough is float %}; of these bodies {{ (100 * goal.enough) | g }} % are enough
+{%- else %}; of these bodies {{ goal.enough | g }} are enough
+{%- endif %}
+{% if goal.rest %}; must end at rest{% endif %}
+{% if goal.held %}; must end held by the robot, touching nothing fixed (half counts if it is only touched){% endif %}
+{% if goal.released %}; must end released, touched by no part of the robot, nor by what touches it{% endif %}
+{% if goal.stands_on %}; must end standing on {{ goal.stands_on }}{% endif %}
+{% if goal.by_s %}; by {{ goal.by_s | g }} s after the motion begins{% endif %}
+{% if goal.ever %}; at any time, not at the end{% endif %}
+{% if goal.after is not none %}; after goal {{ goal.after }}{% endif %}
+{% if goal.weight != 1 %}; weight {{ goal.weight | g }}{% endif %}
+"""
+"""What a goal asks of how many of its bodies, how and when."""
+
 MANY = 3  # bodies that are named in short; of more it is said how many
 
 
@@ -52,7 +71,7 @@ class Reach(Goal):
         name: what other goals and reports call it.
         of_bodies: whether the kind is about ``bodies``; else other fields say what it is about.
         alone: whether no other kind may be joined to it.
-        short: what is done to ``bodies``, beginning with a verb: a format of these and of ``goal``.
+        short: what is done to ``bodies``, beginning with a verb: a template of these and of ``goal``.
         from_start: whether it counts from where bodies start, so that a picture shows that.
         moves: whether its measures are how far a body itself has to get, m.
         offset: whether it asks how far off a place a body is, which reports say by itself.
@@ -114,7 +133,10 @@ class Reach(Goal):
     names: ClassVar = {"bodies": FREE_BODY, "stands_on": SOLID_BODY}
     of_bodies: ClassVar[bool] = True
     alone: ClassVar[bool] = False
-    short: ClassVar[str] = ""
+    short: ClassVar[str] = (
+        "{% if goal.held %}hold {{ bodies }}{% elif goal.stands_on %}put {{ bodies }} on {{ goal.stands_on }}"
+        "{% elif goal.rest %}lay down {{ bodies }}{% else %}let go of {{ bodies }}{% endif %}"
+    )
     from_start: ClassVar[bool] = False
     moves: ClassVar[bool] = False
     offset: ClassVar[bool] = False
@@ -211,15 +233,9 @@ class Reach(Goal):
 
     def do(self, bodies: str) -> str:
         """Say in short what is done to bodies, see ``short``; by default its kind."""
-        if self.short:
-            return self.short.format(goal=self, bodies=bodies)
-        if type(self) is not Reach:
+        if type(self) is not Reach and self.short == Reach.short:
             return f"fulfil {type(self).__name__} of {bodies}"
-        if self.held:
-            return f"hold {bodies}"
-        if self.stands_on:
-            return f"put {bodies} on {self.stands_on}"
-        return f"lay down {bodies}" if self.rest else f"let go of {bodies}"
+        return fill_text(self.short, goal=self, bodies=bodies)
 
     # What follows from it:
 
@@ -446,33 +462,6 @@ class Reach(Goal):
         """Report whether it needs one of the forbidden things: the others are not enough."""
         return forbidden > 0 and self.count_enough(things) > things - forbidden
 
-    def say_terms(self) -> list[str]:
-        """Say how many of its bodies, how and when."""
-        when = {
-            self._say_enough(): self.enough is not None,
-            "must end at rest": self.rest,
-            "must end held by the robot, touching nothing fixed (half counts if it is only touched)": self.held,
-            "must end released, touched by no part of the robot, nor by what touches it": self.released,
-            f"must end standing on {self.stands_on}": self.stands_on is not None,
-            f"by {self.by_s or 0:g} s after the motion begins": self.by_s is not None,
-            "at any time, not at the end": self.ever,
-            f"after goal {self.after}": self.after is not None,
-            f"weight {self.weight:g}": self.weight != 1,
-        }
-        return [words for words, applies in when.items() if applies]
-
-    def _say_enough(self) -> str:
-        """Say how many of the bodies are enough."""
-        is_share = isinstance(self.enough, float)
-        if self.enough == 1 and is_share:
-            return "all of these bodies are needed"
-        if self.enough == 1:
-            return "one of these bodies is enough"
-
-        enough = self.enough or 0
-        share = f"{100 * enough:g} %" if is_share else f"{enough:g}"
-        return f"of these bodies {share} are enough"
-
     def say_subject(self) -> str:
         """Say what it is about; of many bodies the first, the last and how many."""
         if len(self.bodies) <= NAMED:
@@ -497,8 +486,9 @@ class Reach(Goal):
         return super().words() if type(self) is not Reach else ""
 
     def describe(self) -> str:
-        asked = [*(part.words() for part in self.parts), *self.say_terms()]
-        described = f"{self.say_subject()} {'; '.join(filter(None, asked))}"
+        asked = "; ".join(filter(None, (part.words() for part in self.parts)))
+        asked += fill_text(TERMS, goal=self)
+        described = f"{self.say_subject()} {asked.removeprefix('; ')}"
         return f"{self.name}: {described}" if self.name else described
 
     def list_fields(self) -> dict[str, Any]:

@@ -24,8 +24,8 @@ class Spread(Reach):
             AboveZero, "The least area that they cover, seen from above, m^2", head=True
         )
     }
-    asks = "must cover at least {goal.min_area_m2:g} m^2 as seen from above"
-    short = "spread {bodies} over {goal.min_area_m2:.2g} m^2"
+    asks = "must cover at least {{ goal.min_area_m2 | g }} m^2 as seen from above"
+    short = "spread {{ bodies }} over {{ goal.min_area_m2 | g(2) }} m^2"
     soft_nodes = (0,)
 
     def measures(self, body: str, start: State) -> Sequence[Measure]:

@@ -12,7 +12,6 @@ from core.geometry import Array, Vector
 from core.goals.goal import Given
 from core.goals.keys import AT, AXIS, TOLERANCE_DEG, Bound, Direction, Key
 from core.goals.measures import SLIP_DEG, SLIP_RAD, Measure, measure_angle
-from core.goals.phrases import frame, vector
 from core.goals.reaching import Reach
 from core.goals.sites import ANY_BODY, Site
 from core.goals.wants import Want
@@ -67,7 +66,12 @@ class Turned(Reach):
         "at": AT,
         "tolerance_deg": TOLERANCE_DEG,
     }
-    short = "turn {bodies}"
+    asks = (
+        "axis {{ vector(goal.axis, 3) }} must {% if goal.angle_deg %}be at {{ goal.angle_deg }} degrees to"
+        "{% else %}point along{% endif %} {{ vector(goal.points, 3) }}{{ frame(goal.at) }}"
+        "{% if not goal.angle_deg %}, within {{ goal.tolerance_deg | g }} degrees{% endif %}"
+    )
+    short = "turn {{ bodies }}"
     names: ClassVar = {"at": ANY_BODY}
     turns = True
 
@@ -93,18 +97,6 @@ class Turned(Reach):
 
         most = float(np.radians(self.tolerance_deg))
         yield Measure(name, angle, most, SLIP_RAD, "rad")
-
-    def words(self) -> str:
-        verb = "point along"
-        within = f", within {self.tolerance_deg:g} degrees"
-        if self.angle_deg is not None:
-            verb = f"be at {self.angle_deg} degrees to"
-            within = ""
-
-        points = vector(self.points, 3)
-        return (
-            f"axis {vector(self.axis, 3)} must {verb} {points}{frame(self.at)}{within}"
-        )
 
     @classmethod
     def translate(cls, key: str, given: Given) -> Given:

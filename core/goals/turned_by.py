@@ -40,8 +40,8 @@ class TurnedBy(Reach):
         ),
         "tolerance_deg": TOLERANCE_DEG,
     }
-    asks = "must be turned from its start by {goal.turned_deg} degrees, about whatever axis"
-    short = "turn {bodies} by {goal.turned_deg} degrees"
+    asks = "must be turned from its start by {{ goal.turned_deg }} degrees, about whatever axis"
+    short = "turn {{ bodies }} by {{ goal.turned_deg }} degrees"
     turns = True
 
     def measures(self, body: str, start: State) -> Iterator[Measure]:

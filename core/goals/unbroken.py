@@ -32,6 +32,10 @@ class Unbroken(Limit):
             head=True,
         )
     }
+    asks = (
+        "{{ goal.unbroken | join(', ') }} must not break: the force on one (of one other thing on a body, or at the "
+        "point of a bond) may never exceed its breaks_n, or nothing is earned"
+    )
     names: ClassVar = {"unbroken": BREAKABLE}
     holds_untouched: ClassVar = True
     needs_trace = True  # the forces are in it
@@ -63,12 +67,6 @@ class Unbroken(Limit):
             if broken.any():
                 first = float(film.times[broken.argmax()])
                 yield Breach(float(strain[-1]), first, f"{name} broke")
-
-    def words(self) -> str:
-        return (
-            f"{', '.join(self.unbroken)} must not break: the force on one (of one other thing on a body, or at the "
-            "point of a bond) may never exceed its breaks_n, or nothing is earned"
-        )
 
     def find_conflict(self, wanted: Reach, scene: Scene) -> str:
         spared = {*wanted.breaks} & {*self.unbroken}

@@ -54,6 +54,11 @@ class Untouched(Limit):
         ),
         "max_force_n": Key(Most, "How hard it may press on them, N; 0 is not at all"),
     }
+    asks = (
+        "{{ goal.by | join(', ') or 'the robot' }} must not {% if goal.max_force_n %}press harder than "
+        "{{ goal.max_force_n | g }} N on{% else %}touch{% endif %} {{ goal.untouched | join(', ') }}, or nothing "
+        "is earned"
+    )
     names: ClassVar = {"untouched": SOLID_BODY, "by": SOLID_BODY}
     holds_untouched: ClassVar = True
     needs_trace = True  # what touched is in it
@@ -145,16 +150,6 @@ class Untouched(Limit):
         _, first = min(known, default=(0.0, "the robot"))
 
         return first
-
-    def words(self) -> str:
-        who = ", ".join(self.by) or "the robot"
-        verb = "touch"
-        if self.max_force_n:
-            verb = f"press harder than {self.max_force_n:g} N on"
-
-        return (
-            f"{who} must not {verb} {', '.join(self.untouched)}, or nothing is earned"
-        )
 
     def find_faults(self, site: Site) -> Iterator[str]:
         if self.max_force_n or not self.by:

@@ -18,6 +18,11 @@ def fill(package: str, template: str, /, **given: Any) -> str:
     return _environment(package).get_template(template).render(given)
 
 
+def fill_text(text: str, /, **given: Any) -> str:
+    """Render a template that is a text, such as the words of a kind of goal."""
+    return _compile(text).render(given)
+
+
 def macros(package: str, template: str) -> Any:
     """Return a template's macros, as the functions of a module: each writes a phrase."""
     return _environment(package).get_template(template).module
@@ -26,6 +31,11 @@ def macros(package: str, template: str) -> Any:
 def fill_yaml(text: str, /, **given: Any) -> Any:
     """Fill in a template of YAML, and read it; lists and objects of Python read as YAML."""
     return yaml.safe_load(build_environment().from_string(text).render(given))
+
+
+@cache
+def _compile(text: str) -> jinja2.Template:
+    return build_environment().from_string(text)
 
 
 @cache

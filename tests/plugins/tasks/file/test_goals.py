@@ -179,8 +179,8 @@ class Above(Reach):
     height: float
 
     keys: ClassVar = {"height_m": Key(float, "How high they must end, m", head=True)}
-    asks = "must end above {goal.height:g} m"
-    short = "lift {bodies}"
+    asks = "must end above {{ goal.height | g }} m"
+    short = "lift {{ bodies }}"
 
     def measures(self, body, start):
         def z(state):
