@@ -14,7 +14,6 @@ from core.goals.keys import NEAR_ENOUGH, Key, Names
 from core.goals.phrases import frame, vector
 from core.goals.sites import Site, find_names, list_names
 from core.scene import FIXTURE, Scene
-from core.support.templates import fill_text
 from core.values.margins import Margin
 from core.values.tools import Fixture
 
@@ -104,6 +103,8 @@ class Goal(ABC):
     def words(self) -> str:
         """Say what it asks, see ``asks``; by default its kind and its fields."""
         if self.asks:
+            from core.support.templates import fill_text  # imports Jinja
+
             return fill_text(self.asks, goal=self, vector=vector, frame=frame)
 
         said = [f"{name}={value!r}" for name, value in self.list_fields().items()]

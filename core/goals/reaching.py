@@ -20,7 +20,6 @@ from core.goals.measures import Measure
 from core.goals.sites import FREE_BODY, SOLID_BODY, Site
 from core.goals.wants import Place, Want
 from core.scene import Scene, Soft
-from core.support.templates import fill_text
 from core.values.margins import Margin, find_least, least_first
 from core.values.states import State
 
@@ -235,6 +234,9 @@ class Reach(Goal):
         """Say in short what is done to bodies, see ``short``; by default its kind."""
         if type(self) is not Reach and self.short == Reach.short:
             return f"fulfil {type(self).__name__} of {bodies}"
+
+        from core.support.templates import fill_text  # imports Jinja
+
         return fill_text(self.short, goal=self, bodies=bodies)
 
     # What follows from it:
@@ -486,6 +488,8 @@ class Reach(Goal):
         return super().words() if type(self) is not Reach else ""
 
     def describe(self) -> str:
+        from core.support.templates import fill_text  # imports Jinja
+
         asked = "; ".join(filter(None, (part.words() for part in self.parts)))
         asked += fill_text(TERMS, goal=self)
         described = f"{self.say_subject()} {asked.removeprefix('; ')}"

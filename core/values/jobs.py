@@ -55,26 +55,20 @@ class Looked(NamedTuple):
     left: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
     def __str__(self) -> str:
-        text = f"look {self.number} at {self.at_s:.2f} s"
-        if self.where:
-            text += f", {self.where}"
+        from core.support.templates import fill_text  # imports Jinja
 
-        parts = [f"{goal}: {_say_left(names)}" for goal, names in self.left]
-        if self.hidden:
-            parts.append(f"hidden from the camera: {', '.join(self.hidden)}")
-
-        return f"{text}: {'; '.join(parts)}" if parts else text
+        return fill_text(_LOOKED, look=self, list_some=list_some)
 
 
-def _say_left(names: Sequence[str]) -> str:
-    """Say which bodies of a goal are not in place."""
-    if not names:
-        return "all in place"
-
-    return f"{list_some(names, _LISTED)} not in place"
-
-
-_LISTED = 4  # bodies that a look names
+_LOOKED = """\
+look {{ look.number }} at {{ "%.2f" % look.at_s }} s
+{%- if look.where %}, {{ look.where }}{% endif %}
+{% for goal, names in look.left %}
+{{- ": " if loop.first else "; " }}{{ goal }}: {% if names %}{{ list_some(names, 4) }} not{% else %}all{% endif %}
+{{- " in place" }}
+{%- endfor %}
+{% if look.hidden %}{{ "; " if look.left else ": " }}hidden from the camera: {{ look.hidden | join(", ") }}{% endif %}
+"""
 
 
 @runtime_checkable
