@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from functools import cached_property, lru_cache
-from operator import ge, le
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -403,8 +402,6 @@ class Arm:
 
         error, cost = self._miss(position, rotation, q)
         damping = 1e-4
-        lowest = lower.tolist()
-        highest = upper.tolist()
         count = 0
 
         for count in range(most):
@@ -421,11 +418,11 @@ class Arm:
             if count >= _DRIFTING:
                 idle[:] = 0.0
 
-            # Plain numbers are compared faster than short arrays.
-            at = q.tolist()
-            if any(map(le, at, lowest)) or any(map(ge, at, highest)):
+            below = q <= lower
+            above = q >= upper
+            if below.any() or above.any():
                 gradient = jacobian.T.dot(error)
-                held = ((q <= lower) & (gradient < 0)) | ((q >= upper) & (gradient > 0))
+                held = (below & (gradient < 0)) | (above & (gradient > 0))
                 jacobian[:, held] = 0.0
                 idle[held] = 0.0
 
