@@ -25,8 +25,8 @@ from core.values.states import State
 
 STILL_M_S = 0.02  # what is slower is at rest
 STILL_RAD_S = 0.2
-NAMED = 4  # bodies that a description names, where there are more
-TERMS = """\
+DESCRIPTION = """\
+{% set terms %}
 {% if goal.enough is none %}
 {% elif goal.enough is float and goal.enough == 1 %}; all of these bodies are needed
 {%- elif goal.enough == 1 %}; one of these bodies is enough
@@ -41,8 +41,15 @@ TERMS = """\
 {% if goal.ever %}; at any time, not at the end{% endif %}
 {% if goal.after is not none %}; after goal {{ goal.after }}{% endif %}
 {% if goal.weight != 1 %}; weight {{ goal.weight | g }}{% endif %}
+{% endset %}
+{% if goal.name %}{{ goal.name }}: {% endif %}
+{% if goal.bodies | length <= 4 %}{{ goal.subject }}
+{%- elif goal.any %}any of {{ goal.bodies[0] }} to {{ goal.bodies[-1] }}
+{%- else %}all {{ goal.bodies | length }} of {{ goal.bodies[0] }} to {{ goal.bodies[-1] }}
+{%- endif %}
+ {{ (asked ~ terms).removeprefix("; ") }}
 """
-"""What a goal asks of how many of its bodies, how and when."""
+"""What a goal is about, what it asks of each, and of how many, how and when."""
 
 MANY = 3  # bodies that are named in short; of more it is said how many
 
@@ -464,15 +471,6 @@ class Reach(Goal):
         """Report whether it needs one of the forbidden things: the others are not enough."""
         return forbidden > 0 and self.count_enough(things) > things - forbidden
 
-    def say_subject(self) -> str:
-        """Say what it is about; of many bodies the first, the last and how many."""
-        if len(self.bodies) <= NAMED:
-            return self.subject
-
-        first, *_, last = self.bodies
-        wanted = "any" if self.any else f"all {len(self.bodies)}"
-        return f"{wanted} of {first} to {last}"
-
     # In words, in a scene, and for who plans:
 
     def in_short(self) -> str:
@@ -491,9 +489,7 @@ class Reach(Goal):
         from core.support.templates import fill_text  # imports Jinja
 
         asked = "; ".join(filter(None, (part.words() for part in self.parts)))
-        asked += fill_text(TERMS, goal=self)
-        described = f"{self.say_subject()} {asked.removeprefix('; ')}"
-        return f"{self.name}: {described}" if self.name else described
+        return fill_text(DESCRIPTION, goal=self, asked=asked)
 
     def list_fields(self) -> dict[str, Any]:
         shared = {field.name for field in fields(Reach)}
