@@ -56,14 +56,8 @@ class FreshWorld(World):
             self.bonds.end_step()
 
     def note(self) -> _Note:
-        totals = None
-        if self.impulses is not None:
-            totals = self.impulses.totals()
-
-        steps = 0
-        if self.bonds is not None:
-            steps = self.bonds.steps
-
+        totals = self.impulses.totals() if self.impulses else None
+        steps = self.bonds.steps if self.bonds else 0
         return self.snapshot(), totals, steps
 
     def read(self, notes: Sequence[_Note]) -> tuple[Array, Array, State]:

@@ -58,11 +58,6 @@ class World(interfaces.World):
         discrete = is_discrete(model.opt)
         self._targeted = slice(1, None) if discrete else slice(None, -1)
 
-        self._meter: Meter | None = None
-        self._bonds = Bonds(scene, model, self._data)
-        self._done = 0
-        self._moved = -np.inf  # steps since the launch
-
     @property
     def rewinds(self) -> bool:  # type: ignore[override]
         # What was measured can't be taken back.
@@ -72,13 +67,13 @@ class World(interfaces.World):
         """Begin anew, with the robot at the first targets of a job's motion, and the tool's joints held."""
         trajectory = job.trajectory
 
-        self._meter = None
+        self._meter: Meter | None = None
         if job.forces and job.record_hz > 0:
             self._meter = Meter(self._scene, self._model)
 
         self._bonds = Bonds(self._scene, self._model, self._data)
         self._done = 0
-        self._moved = -np.inf
+        self._moved = -np.inf  # steps since the launch
         mujoco.mj_resetData(self._model, self._data)
         driven = self._joints.driven
         self._data.qpos[driven] = trajectory.fingers[0]

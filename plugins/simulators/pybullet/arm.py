@@ -73,7 +73,6 @@ class ArticulatedArm:
 
         self._gains = [gain] * len(driven)
         self._velocity_gains = [1.0] * len(driven)
-        self._orders: tuple[list[float], list[float]] = ([], [])
         self._states: Sequence[tuple[Any, ...]] = ()  # of the last snapshot
 
         targets = [*start.arm[0], *([start.fingers[0]] * self._fingers)]
@@ -148,23 +147,17 @@ class ArticulatedArm:
 
     def drive(self, order: Order) -> None:
         """Set the motors for the next step."""
-        targets = [*order.arm, *[order.fingers] * self._fingers]
-        velocities = [*order.speeds, *[order.finger_speed] * self._fingers]
-        orders = (targets, velocities)
-
-        if orders != self._orders:  # motors keep their targets
-            self._orders = orders
-            p.setJointMotorControlArray(  # names would cost half a microsecond a step
-                self.number,
-                self._joints,
-                p.POSITION_CONTROL,
-                targets,
-                velocities,
-                self._forces,
-                self._gains,
-                self._velocity_gains,
-                self._client.number,
-            )
+        p.setJointMotorControlArray(  # names would cost half a microsecond a step
+            self.number,
+            self._joints,
+            p.POSITION_CONTROL,
+            [*order.arm, *[order.fingers] * self._fingers],
+            [*order.speeds, *[order.finger_speed] * self._fingers],
+            self._forces,
+            self._gains,
+            self._velocity_gains,
+            self._client.number,
+        )
 
     def note_torques(self) -> tuple[float, ...]:
         """Return what the arm's motors applied in the last step before the last snapshot (J,), N m."""

@@ -61,17 +61,12 @@ class Bonds(bonds.Bonds):
             self._numbers.append(number)
 
     def measure(self) -> Array:
-        forces = [self._measure_one(number) for number in self._numbers]
-        return np.array(forces)
+        forces = np.zeros(len(self._numbers))
+        for k in np.flatnonzero(self._holds).tolist():
+            force = self._client.getConstraintState(self._numbers[k])
+            forces[k] = np.linalg.norm(force)
 
-    def _measure_one(self, number: int) -> float:
-        """Measure the force of a constraint, N; 0 of one that was removed."""
-        if number < 0:
-            return 0.0
-
-        force = self._client.getConstraintState(number)
-        return float(np.linalg.norm(force))
+        return forces
 
     def release(self, number: int) -> None:
         self._client.removeConstraint(self._numbers[number])
-        self._numbers[number] = -1

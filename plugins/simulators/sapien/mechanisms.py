@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -69,13 +69,6 @@ def apart(scene: Scene) -> dict[str, Apart]:
     return found
 
 
-class _Acting(Protocol):
-    """What acts in a joint and changes from step to step."""
-
-    def act(self, time: float) -> None:
-        """Set it for the time step that ends at ``time``."""
-
-
 class Joints:
     """The joints of a scene whose bodies are at their initial poses.
 
@@ -100,7 +93,8 @@ class Joints:
         self._time_step = time_step
         self._steps = 0
         self._begun = False
-        self._acting: list[_Acting] = []
+        # Each acts before a step that ends at some time.
+        self.acting: list[_Pull | _BallPull | _Servo] = []
 
         for placed in scene.ordered_joints:
             joint = placed.joint
@@ -120,12 +114,7 @@ class Joints:
                 inside,
                 inertias[joint.body],
             )
-            self._acting += _hold(hinge, time_step, tracking_rate)
-
-    @property
-    def move_by_themselves(self) -> bool:
-        """Whether there is anything to set before a step."""
-        return bool(self._acting)
+            self.acting += _hold(hinge, time_step, tracking_rate)
 
     def begin(self) -> None:
         """Begin the time of drives."""
@@ -135,7 +124,7 @@ class Joints:
         """Set what changes for the next time step."""
         self._steps += self._begun
         time = self._steps * self._time_step
-        for acting in self._acting:
+        for acting in self.acting:
             acting.act(time)
 
 
@@ -212,7 +201,9 @@ class _Hinge:
         return component
 
 
-def _hold(hinge: _Hinge, time_step: float, tracking_rate: float) -> Iterator[_Acting]:
+def _hold(
+    hinge: _Hinge, time_step: float, tracking_rate: float
+) -> Iterator[_Pull | _BallPull | _Servo]:
     """Make a joint, and yield what acts in it.
 
     The first D6 joint holds the body, limits it, and has its spring, damper and latches. Dry friction and a drive act

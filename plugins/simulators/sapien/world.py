@@ -92,8 +92,7 @@ class World(FreshWorld):
             time_step,
             settings.tracking_rate,
         )
-        # Asked once: before each step, a property would cost as much as what it asks for.
-        self._acts = self._joints.move_by_themselves
+        self._acts = bool(self._joints.acting)
         self._brakes = self._bodies.brake
         self._arm = ArticulatedArm(setup, robot, tool, job.trajectory)
         self._held = robot, tool
