@@ -85,7 +85,6 @@ class Track:
         self.high = rows.high[number]
         self._rests = solid.frame == WORLD
         self._ways = rows.ways[number]
-        self._places: dict[int, Any] = {}  # by sample
 
     @cached_property
     def travel(self) -> Array:
@@ -104,10 +103,7 @@ class Track:
             position = begin + share * (self.positions[k + 1] - begin)
             return coal.Transform3s(rotation, position)
 
-        if k not in self._places:
-            self._places[k] = coal.Transform3s(self.rotations[k], self.positions[k])
-
-        return self._places[k]
+        return coal.Transform3s(self.rotations[k], self.positions[k])
 
 
 class Look(NamedTuple):
