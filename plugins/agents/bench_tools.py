@@ -233,10 +233,10 @@ class Tools:
         problems = ""
         if not self._session.unseen:
             problems = say_problems(self._session, first)
-        lines = describe_rehearsal(
+        said = describe_rehearsal(
             played, sample, problems, numbers=not self._session.unseen
         )
-        return [Text("\n".join(lines)), Text(picture.caption), picture]
+        return [Text(said), Text(picture.caption), picture]
 
     def _check_design(self, asked: OfDesigns) -> Answer:
         lines = []

@@ -13,13 +13,12 @@ from core.designs.reading import dump_design
 from core.interfaces import Brief, Evaluation, Trial
 from core.plugins import installed
 from core.simulation.rehearsing import Rehearsal
+from core.support.templates import fill
 from core.support.text import number, short_numbers
 from core.trial import Where
 
 _PLAN = "action_plan"
 _DIFFERS = 0.1  # of a reward in two engines
-_PARTS = 12  # of a tool that are listed
-_GAPS = 8  # bodies near the robot that are listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +111,7 @@ class Told:
 
 def describe_rehearsal(
     played: Rehearsal, sample: int, problems: str, *, numbers: bool
-) -> list[str]:
+) -> str:
     """Say where the robot is in a rehearsal, how near to what, and what it meets on its way, a line each.
 
     Args:
@@ -121,35 +120,12 @@ def describe_rehearsal(
         problems: what was found on the whole way, in all layouts; empty: nothing.
         numbers: whether numbers of the scene are said; else the picture says what one sees.
     """
-    now = float(played.recording.times[sample])
-    arrivals = played.motion.arrivals.tolist()
-    where = f"on the way to waypoint {played.find_waypoint(now)} of {len(arrivals)}"
-    lines = [f"layout {played.stage.condition.layout}, {where}"]
-    if not played.is_certain:
-        lines.append(
-            "only a sketch: no guard fires, each look sees the start, and nothing moves by itself"
-        )
-    if not numbers:
-        return lines
-
-    lines[0] += f", at {now:.2f} s of {played.recording.times[-1]:.2f} s"
-    hand = played.place_hand(sample)
-    pose = f"{short_numbers(hand.position, 3, ', ')}; roll, pitch, yaw {short_numbers(hand.rpy, 3, ', ')}"
-    lines.append(f"end-effector at {pose}")
-    tool = played.place_tool(sample).items()
-    places = [f"{name} {short_numbers(place, 3, ', ')}" for name, place in tool]
-    lines.append(f"middles of the tool's parts: {'; '.join(places[:_PARTS])}")
-    lines.append(f"gaps now, mm: {_list_gaps(played.measure_gaps(sample))}")
-    reached = [f"{number} {time_s:.2f}" for number, time_s in enumerate(arrivals, 1)]
-    lines.append(f"waypoints are reached at, s: {', '.join(reached)}")
-    lines.append(f"on the whole way, in all layouts: {problems or 'nothing found'}")
-    return lines
-
-
-def _list_gaps(gaps: Mapping[str, tuple[float, str]]) -> str:
-    """List the bodies that are nearest to the robot, with the part of it, the nearest first."""
-    nearest = sorted(gaps.items(), key=lambda item: (item[1][0], item[0]))
-    listed = [
-        f"{name} {1000 * gap:.0f} ({part})" for name, (gap, part) in nearest[:_GAPS]
-    ]
-    return ", ".join(listed) or "none"
+    return fill(
+        "plugins.agents",
+        "rehearsal",
+        played=played,
+        sample=sample,
+        problems=problems,
+        numbers=numbers,
+        short=short_numbers,
+    )
