@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from operator import itemgetter
 
 from core.design import Tool
 from core.designs.prompt_values import RunFacts
 from core.interfaces import Brief, Evaluation
-from core.support.text import clean, number, short_numbers
+from core.support.text import clean, short_numbers
 from core.trial import best_first
 from core.values.observations import Sight
 from plugins.vlms.context.changes import describe_change
 from plugins.vlms.context.feedback import name_design
+from plugins.vlms.context.phrases import phrase
 
 MOST = 3_000
 """Characters of the ledger, some 1,300 tokens; what is left out is counted."""
-
-_IDEA = 150  # characters of an idea
-_CHANGE = 160  # characters of a change
 
 
 def ledger_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
@@ -51,7 +50,7 @@ def ledger_lines(tried: Iterable[Evaluation], sight: Sight) -> list[str]:
     lines: dict[tuple[int, ...], str] = {}
     left = MOST
     for alike in designs.values():
-        line = _describe(alike[0], known, sight) + describe_curve(alike)
+        line = _write_line(alike, known, sight)
         left -= len(line) + 1
         if left < 0:
             break
@@ -62,53 +61,30 @@ def ledger_lines(tried: Iterable[Evaluation], sight: Sight) -> list[str]:
     return [*written, f"- {hidden} more designs earned less"] if hidden else written
 
 
-def _describe(
-    evaluation: Evaluation, known: Mapping[str, Evaluation], sight: Sight
+def _write_line(
+    alike: Sequence[Evaluation], known: Mapping[str, Evaluation], sight: Sight
 ) -> str:
-    """Write the line of a design: its best plan stands for it."""
-    candidate = evaluation.candidate
-    parents = [known[name] for name in candidate.parents if name in known]
-    head = f"- {name_design(evaluation)}"
-    idea = clean(candidate.design_description, _IDEA)
-    came = sight.text(_say_outcome(evaluation))
-    if not parents:
-        return f"{head}: {idea} | {came}"
-
-    before = parents[0]
-    change = clean(describe_change(before.candidate, candidate), _CHANGE)
-    was = _say_outcome(before)
-    return f"{head} from {before.candidate.id}: {idea} | {change} | {sight.text(was)} -> {came}"
-
-
-def describe_curve(evaluations: Iterable[Evaluation]) -> str:
-    """Say what came of the designs of a curve, in the order of what was added; empty: none are of one.
+    """Write the line of a design: its best plan stands for it, and its curve follows.
 
     Args:
-        evaluations: of a design and its curve.
+        alike: the plans of the design, the best first.
+        known: all candidates, by their ids.
+        sight: what may be said of bodies.
     """
-    points = []
-    names: tuple[str, ...] = ()
-    for evaluation in evaluations:
+    best = alike[0]
+    parents = [known[name] for name in best.candidate.parents if name in known]
+    before = parents[0] if parents else None
+    change = ""
+    if before is not None:
+        change = describe_change(before.candidate, best.candidate)
+
+    curve = []
+    for evaluation in alike:
         varied = evaluation.candidate.varied
         if varied is not None and varied.added:
-            names = varied.names
-            points.append((varied.added, _say_outcome(evaluation, reason=False)))
+            curve.append((varied.added, evaluation))
+    curve.sort(key=itemgetter(0))
 
-    if not points:
-        return ""
-
-    said = [f"{short_numbers(added, 3, '/')}: {came}" for added, came in sorted(points)]
-    return f" | curve, added to {' / '.join(names)}: {'; '.join(said)}"
-
-
-def _say_outcome(evaluation: Evaluation, *, reason: bool = True) -> str:
-    """Say what a design earned, and how much room it left; or why it could not be tried, with its ``reason``."""
-    if evaluation.status != "ok":
-        why = f": {clean(evaluation.reason, 80)}" if reason else ""
-        return f"{evaluation.status}{why}"
-
-    earned = number(evaluation.reward, 3)
-    least = evaluation.least_margin
-    if least is None or evaluation.reason:
-        return earned
-    return f"{earned}, room {100 * least.margin:.0f} %"
+    name = name_design(best)
+    told = (name, best, before, change, [evaluation for _, evaluation in curve])
+    return phrase("ledger", "line", *told, sight, clean, short_numbers)
