@@ -65,13 +65,11 @@ def find_hard_layouts(evaluations: Iterable[Evaluation]) -> Hard:
 def _outcomes(hard: Hard) -> list[str]:
     """Say how many layouts there are, and what became of the trials."""
     trials = [trial for tried in hard.values() for trial in tried]
-    counts = Counter[str]()
-    for trial in trials:
-        outcome = trial.reason or trial.outcome or f"reward {trial.reward:.1f}"
-        counts[clean(outcome, _OUTCOME)] += 1
+    outcomes = [t.reason or t.outcome or f"reward {t.reward:.1f}" for t in trials]
+    counts = Counter(clean(outcome, _OUTCOME) for outcome in outcomes)
 
-    seeds = ", ".join(map(str, hard))
-    lines = [f"layout {seeds}" if len(hard) == 1 else f"layouts {seeds}"]
+    plural = "s" if len(hard) > 1 else ""
+    lines = [f"layout{plural} {', '.join(map(str, hard))}"]
     for outcome, count in counts.most_common(_OUTCOMES):
         lines.append(f"{outcome} (in {count} of {len(trials)} trials)")
 
@@ -80,17 +78,19 @@ def _outcomes(hard: Hard) -> list[str]:
 
 def _common_numbers(hard: Hard, task: Task) -> list[str]:
     """Say which of the numbers that are drawn lie near each other, of their ranges the nearest first."""
-    shares: dict[str, float] = {}
-    lines: dict[str, str] = {}
+    found = []
     for name, (low, high) in task.ranges.items():
         values = [task.draw(layout)(name, math.nan) for layout in hard]
-        share = (max(values) - min(values)) / (high - low) if high > low else 1.0
+        least = min(values)
+        most = max(values)
+        narrow = _NARROW * (high - low)
         # With few layouts, only values at an end of the range say more than chance.
-        ends = max(values) < low + _NARROW * (high - low)
-        ends = ends or min(values) > high - _NARROW * (high - low)
-        if share < _NARROW and (ends or len(values) > _FEW_LAYOUTS):
-            shares[name] = share
-            span = f"{min(values):.4g} to {max(values):.4g}"
-            lines[name] = f"{name} is {span} there, of {low:.4g} to {high:.4g}"
+        is_telling = len(values) > _FEW_LAYOUTS
+        is_telling = is_telling or most < low + narrow or least > high - narrow
+        if is_telling and most - least < narrow:
+            line = (
+                f"{name} is {least:.4g} to {most:.4g} there, of {low:.4g} to {high:.4g}"
+            )
+            found.append(((most - least) / (high - low), line))
 
-    return [lines[name] for name in sorted(shares, key=shares.__getitem__)[:_NUMBERS]]
+    return [line for _, line in sorted(found)[:_NUMBERS]]
