@@ -5,11 +5,9 @@ from __future__ import annotations
 import importlib
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Any, Protocol
 
 from core.errors import UsageError, check_positive, choices
-from core.hooks import Harmless, Names
 from core.support.secrets import holds_secret, is_secret_name
 
 THINKING = ("none", "low", "medium", "high")
@@ -38,30 +36,30 @@ _REFUSED = {
 }
 
 
-@dataclass(eq=False, kw_only=True)
-class CallSettings:
+class CallSettings(Protocol):
     """What a user sets for each call; see `plugins.vlms.litellm.language_model.LanguageModel`."""
 
-    timeout_s: float = 600.0
-    max_output_tokens: int | None = None
-    thinking: Harmless[str | None] = None
-    temperature: float | None = None
-    options: Annotated[dict[str, Any] | None, Names("host")] = None
+    timeout_s: float
+    max_output_tokens: int | None
+    thinking: str | None
+    temperature: float | None
+    options: dict[str, Any] | None
 
-    def check_calls(self) -> None:
-        """Check these settings, but for the options.
 
-        Raises:
-            UsageError: one can't be used.
-        """
-        check_positive("vlm.", timeout_s=self.timeout_s)
-        check_positive("vlm.", max_output_tokens=self.max_output_tokens)
-        if self.thinking not in (None, *THINKING):
-            raise choices("thinking", self.thinking, THINKING, "vlm.thinking")
+def check_call_settings(settings: CallSettings) -> None:
+    """Check what a user sets for each call, but for the options.
 
-        temperature = self.temperature
-        if temperature is not None and not 0.0 <= temperature <= 2.0:
-            raise UsageError(f"vlm.temperature={temperature:g} must be between 0 and 2")
+    Raises:
+        UsageError: a setting can't be used.
+    """
+    check_positive("vlm.", timeout_s=settings.timeout_s)
+    check_positive("vlm.", max_output_tokens=settings.max_output_tokens)
+    if settings.thinking not in (None, *THINKING):
+        raise choices("thinking", settings.thinking, THINKING, "vlm.thinking")
+
+    temperature = settings.temperature
+    if temperature is not None and not 0.0 <= temperature <= 2.0:
+        raise UsageError(f"vlm.temperature={temperature:g} must be between 0 and 2")
 
 
 def check_options(options: Mapping[str, Any]) -> None:

@@ -8,16 +8,16 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 from core.design import DesignError
 from core.designs.reading import list_designs
 from core.designs.replies import parse_reply
 from core.errors import LimitReached, UsageError, UserError, check_positive
-from core.hooks import Names, hookimpl
+from core.hooks import Harmless, Names, hookimpl
 from core.interfaces import VLM, Estimate, Reply, Request, Spending
 from plugins.vlms.calls import Arrivals, Calls
-from plugins.vlms.litellm.call_settings import CallSettings
+from plugins.vlms.litellm.call_settings import check_call_settings
 from plugins.vlms.litellm.client import Client
 from plugins.vlms.litellm.failures import pause, unanswered
 from plugins.vlms.litellm.hearing import Hearing
@@ -32,7 +32,7 @@ Paid = Annotated[str, Names("model that is paid")]
 
 
 @dataclass(eq=False)
-class LanguageModel(CallSettings, VLM):
+class LanguageModel(VLM):
     """Asks a model through LiteLLM.
 
     Args:
@@ -61,6 +61,11 @@ class LanguageModel(CallSettings, VLM):
     api_base: Annotated[str | None, Names("host")] = None
     concurrency: int = 20
     requests_per_minute: float | None = None
+    timeout_s: float = 600.0
+    max_output_tokens: int | None = None
+    thinking: Harmless[str | None] = None
+    temperature: float | None = None
+    options: Annotated[dict[str, Any] | None, Names("host")] = None
     max_cost_usd: float | None = None
     max_tokens_total: int | None = None
 
@@ -77,7 +82,7 @@ class LanguageModel(CallSettings, VLM):
             max_cost_usd=self.max_cost_usd,
             max_tokens_total=self.max_tokens_total,
         )
-        self.check_calls()
+        check_call_settings(self)
         self._client = Client(self.model, self.api_base, self)
         self.sees = self._client.sees
         self._arrivals = Arrivals(self.model)
