@@ -26,6 +26,7 @@ from core.store.database import FILE
 from core.store.library import DESIGN, FACTS, KEPT_SETTINGS, read_facts
 from core.store.reader import StoredRun
 from core.support.cli import key_of, print_table, say
+from core.support.templates import fill
 from core.support.text import hydra_word, number
 from core.values.messages import Bill
 from plugins.results.named_folders import folders_and_overrides
@@ -185,18 +186,16 @@ def _describe_money(store: StoredRun, config: Mapping[str, Any]) -> str:
     budget = config["budget"]
     answers = [reply for _, reply in store.answers()]
     most = budget["n_agent"] * (budget["n_iteration"] + 1)
-    says = [
-        f"going on asks {short(str(vlm.get('model') or vlm['name']))}",
-        f"{len(answers)} of {most} requests or more are answered",
-    ]
-    if "max_cost_usd" in vlm:
-        paid = Bill.of(answers).cost_usd
-        says[0] += ", which this machine's key pays"
-        says.append(f"that cost {number(math.nan if paid is None else paid, 2)} USD")
-        limit = vlm["max_cost_usd"]
-        says.append("nothing limits it" if limit is None else f"at most {limit:g} USD")
-
-    return "; ".join(says)
+    paid = Bill.of(answers).cost_usd
+    return fill(
+        "plugins.results",
+        "going_on",
+        model=short(str(vlm.get("model") or vlm["name"])),
+        vlm=vlm,
+        answers=answers,
+        most=most,
+        paid=math.nan if paid is None else paid,
+    )
 
 
 def _read_tool(folder: Path) -> Inspected:

@@ -19,7 +19,7 @@ from core.errors import UsageError, UserError
 from core.store.reader import StoredRun
 from core.support.cli import print_table, say
 from core.support.files import writing
-from core.support.text import count_words
+from core.support.templates import fill
 from core.values.efforts import PERTURBED, Held
 from plugins.results.chosen import DesignsConfig, chosen_evaluations, config_for
 from plugins.results.named_folders import folders_and_overrides
@@ -29,7 +29,7 @@ from plugins.results.workshop.life_size import to_life
 from plugins.results.workshop.playback import make_export
 from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.slicing import ask_slicer, find_slicer
-from plugins.results.workshop.tool import PrintedTool, make_tool, write_tool
+from plugins.results.workshop.tool import make_tool, write_tool
 
 USAGE = (
     "usage: vlmgineer export RUN_FOLDER | designs=FILE task=NAME [output=DIR] [sims=[NAME,...]] [rate_hz=1000] "
@@ -169,25 +169,18 @@ def show(result: Export) -> None:
 
     print_table(("task", "engine", "reward", "problems"), rows, ("reward",))
 
-    motion = result.motion
-    longer = f"{motion.slower:.3f} times as long as in simulation"
-    say(f"the motion takes {motion.times[-1]:.2f} s, {longer}")
-    say(describe_making(result.printed))
-    mass = f"payload {result.payload['mass_kg']:g} kg of {result.robot.payload_kg:g}"
     most = max(result.limits, key=lambda joint: joint["computed_torque_share"] or 0.0)
-    say(f"{mass}; most torque in {most['joint']}")
-    say(*(f"– {verdict}" for verdict in result.verdicts if verdict.passed is None))
-    say(*(f"✗ {verdict}" for verdict in result.verdicts if verdict.passed is False))
-
-
-def describe_making(tool: PrintedTool) -> str:
-    """Say in how many pieces a tool comes, and what printing takes, if a slicer was asked."""
-    made = count_words(len(tool.parts), "piece")
-    made = f"to make: {made}, {tool.mass_g:.0f} g"
-    if tool.sliced:
-        made += f"; sliced: {tool.sliced['hours']:.1f} h, {tool.sliced['grams']:.0f} g of filament"
-
-    return made
+    told = fill(
+        "plugins.results.workshop",
+        "played",
+        motion=result.motion,
+        tool=result.printed,
+        payload=result.payload,
+        robot=result.robot,
+        most=most,
+        verdicts=result.verdicts,
+    )
+    say(*told.rstrip("\n").split("\n"))
 
 
 def main(words: list[str]) -> None:

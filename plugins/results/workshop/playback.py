@@ -18,7 +18,8 @@ from core.interfaces import (
 )
 from core.plugins import PluginPart
 from core.simulation.play import play
-from core.support.text import count_words, number
+from core.support.templates import macros
+from core.support.text import number
 from plugins.results.workshop.carrying import dump_settings
 from plugins.results.workshop.export import Export
 from plugins.results.workshop.printing import Check
@@ -151,21 +152,10 @@ def find_loss(stage: Stage, export: Export, searched: Mapping[str, float]) -> st
 
 def _check_reactions(replays: Mapping[str, PlayedMotion]) -> Check:
     """Say what the dry run of a plan felt and saw; it fails where the plan did not come to its end."""
-    rows = []
-    passed = True
-    for engine, replay in replays.items():
-        reactions = replay.reactions
-        assert reactions is not None
-        fired = [felt for felt in reactions.felt if felt.fired]
-        guards = f"{len(fired)} of {count_words(len(reactions.felt), 'guard')} fired"
-        row = f"{guards}, {count_words(len(reactions.looked), 'look')} in {engine}"
-        if reactions.problem:
-            passed = False
-            row += f" ({reactions.problem})"
-
-        rows.append(row)
-
-    return Check("dry run", passed, f"move by move: {'; '.join(rows)}")
+    found = macros("plugins.results.workshop", "words").reacted(replays)
+    reactions = [replay.reactions for replay in replays.values()]
+    ended = all(one is None or not one.problem for one in reactions)
+    return Check("dry run", ended, found)
 
 
 def _earned(condition: Condition, best: Evaluation) -> float:

@@ -14,6 +14,7 @@ import trimesh
 import trimesh.sample
 
 from core.geometry import Array, Mesh
+from core.support.templates import macros
 from core.values.materials import PAPER, Material
 from core.values.printers import Printer
 from plugins.results.workshop.lying import OVERHANG_DEG, Lying, lay
@@ -172,21 +173,12 @@ def check_lying(
         name: of the part.
         too_large: what to change where it does not fit.
     """
-    size = " × ".join(f"{side:.0f}" for side in lying.size)
-    room = " × ".join(f"{side:g}" for side in printer.plate_mm)
-    found = f"{size} mm as it lies, the plate is {room} mm"
-
-    stands = f"it touches the plate with {lying.contact_mm2:.0f} mm²"
-    if not lying.firm:
-        stands += f", {lying.size[2]:.0f} mm high: print it with a brim"
-
-    leans = "nothing leans out beyond 45°"
-    if lying.overhang_mm2 >= 1:
-        leans = f"{lying.overhang_mm2:.0f} mm² lean out beyond {OVERHANG_DEG:g}°"
-
+    words = macros("plugins.results.workshop", "words")
+    fits = words.fits(lying, printer.plate_mm)
+    lies = words.lies(lying, OVERHANG_DEG)
     return [
-        Check("fits the plate", lying.fits, found, too_large or LARGER, name),
-        Check("lies", True if lying.firm else None, f"{stands}; {leans}", "", name),
+        Check("fits the plate", lying.fits, fits, too_large or LARGER, name),
+        Check("lies", True if lying.firm else None, lies, "", name),
     ]
 
 

@@ -16,7 +16,7 @@ from core.design import RIGID_MOUNT
 from core.designs.statics import flange_moment
 from core.interfaces import Material, Task
 from core.support.cli import write_bytes
-from core.values.robots import Robot
+from core.support.templates import macros
 from plugins.results.pages.best_tool import size
 from plugins.results.pages.page import (
     data_address,
@@ -60,6 +60,8 @@ def figures(
     verdicts = list_verdicts(printed_tool, strengths, task)
     factors = [row.safety for row in strengths if row.safety is not None]
     load = payload(robot, printed_tool.printed)
+    words = macros("plugins.results.workshop", "words")
+    flange = words.flange(robot.flange, math.degrees)
 
     return {
         "tool": tool.name or "a tool",
@@ -74,7 +76,7 @@ def figures(
         "pieces": [_describe_piece(part) for part in printed_tool.parts],
         "sliced": dict(printed_tool.sliced),
         "hardware": list(printed_tool.hardware),
-        "flange": _describe_flange(robot) if RIGID_MOUNT in tool.mounts else None,
+        "flange": flange if RIGID_MOUNT in tool.mounts else None,
         "joints": [_describe_joint(joint) for joint in printed_tool.joints],
         "parts": _describe_components(printed_tool, strengths),
         "least_safety": min(factors, default=None),
@@ -140,22 +142,6 @@ def _describe_components(
         components.append(row | borne.get(component.name, {}))
 
     return sorted(components, key=lambda row: row.get("safety") or math.inf)
-
-
-def _describe_flange(robot: Robot) -> str:
-    """Describe the ring of bolts, seen against the mount's z."""
-    flange = robot.flange
-    circle = f"a circle of {1000 * flange.bolt_circle_m:g} mm"
-    ring = f"a ring of {flange.bolts} bores {flange.thread} on {circle}"
-    first = f"the first at {math.degrees(flange.bolt_angle):g}° from the mount's x"
-    text = f"{ring}, {first}; disc {2000 * flange.disc.radius:g} mm"
-    if flange.centring_m is not None:
-        text += f"; recess {1000 * flange.centring_m:g} mm"
-    if flange.pin_angle is not None:
-        angle = math.degrees(flange.pin_angle)
-        text += f"; pin {1000 * flange.pin_m:g} mm at {angle:g}°"
-
-    return text
 
 
 def write_sheet(
