@@ -17,7 +17,8 @@ from core.store.database import FILE, LOCK
 from core.store.reader import StoredRun
 from core.store.rows import Best, RunFigures
 from core.support.files import read_untrusted
-from core.support.text import Reason, by_reason, clean, number
+from core.support.templates import macros
+from core.support.text import Reason, by_reason, clean
 
 RESULT = "result.json"
 HYDRA = ".hydra"
@@ -291,16 +292,8 @@ def _progress(folder: Path, store: StoredRun) -> str:
     except UserError as error:
         return short(str(error))
 
-    done = f"{len(evaluations)} candidates done"
-    if evaluations:
-        done += f", in generation {evaluations[-1].generation}"
-    rewards = [row.reward for row in evaluations if row.status == "ok"]
-    if rewards:
-        done += f", best reward so far {number(max(rewards), 3)}"
-
-    how = "goes on" if is_held(folder) else "was killed"
-
-    return f"{done}; it {how}"
+    words = macros("plugins.results", "words")
+    return str(words.progress(evaluations, is_held(folder)))
 
 
 def reasons(store: StoredRun) -> list[Reason]:

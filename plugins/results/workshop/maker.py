@@ -11,7 +11,7 @@ from core.designs.stiffness import find_weakness
 from core.errors import UserError
 from core.events import Run
 from core.interfaces import Condition, Material, Printer, Robot
-from core.support.text import count_words
+from core.support.templates import macros
 from core.trial import Evaluation, Making
 from core.values.materials import PAPER
 from plugins.results.chosen import config_for_run
@@ -136,11 +136,6 @@ def _refuse(material: Material, why: str) -> Making:
 
 def _describe(printed: PrintedTool) -> str:
     """Say in how many pieces a tool comes, how long printing takes, and how much it weighs."""
-    pieces = count_words(len(printed.parts), "piece")
-    weighs = f"{printed.mass_g:.0f} g of {printed.material.name}"
-    if printed.material.is_metal:
-        return f"to be milled: yes, in {pieces}, {weighs}"
-
     grams_h = PRINT_MM3_S * 3.6 * PLA_G_PER_CM3
     hours = math.ceil(printed.mass_g / grams_h)
-    return f"printable: yes, in {pieces}, about {count_words(hours, 'hour')}, {weighs}"
+    return str(macros("plugins.results.workshop", "words").made(printed, hours))

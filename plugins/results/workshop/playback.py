@@ -182,12 +182,9 @@ def compare_rewards(
         earned: rewards by engine.
         asked: the rewards that are asked for, by engine.
     """
-    passed = True
-    rows = []
-    for engine, reward in earned.items():
-        least = max(asked[engine] - SAME_REWARD, LEAST_REWARD)
-        passed = passed and reward >= least
-        wanted = number(asked[engine], 3)
-        rows.append(f"{number(reward, 3)} for {wanted} in {engine}")
-
-    return Check("rewards", passed, f"{how} it earns {', '.join(rows)}")
+    passed = all(
+        reward >= max(asked[engine] - SAME_REWARD, LEAST_REWARD)
+        for engine, reward in earned.items()
+    )
+    found = macros("plugins.results.workshop", "words").earns(how, earned, asked)
+    return Check("rewards", passed, found)

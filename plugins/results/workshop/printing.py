@@ -201,20 +201,13 @@ def joined(
         if _joint_width(solids[a], solids[b]) >= printer.min_wall_mm:
             joints.add_edge(a, b)
 
-    gaps = ""
-    if weld_mm > WELDS_MM[0]:
-        gaps = f", gaps closed by {weld_mm:g} mm on each side"
-
     connected = networkx.node_connected_component(joints, 0)
     loose = [name for i, name in enumerate(names) if i not in connected]
-    if loose:
-        thin = "held by a joint thinner than a wall, or by none"
-        found = f"{thin}: {', '.join(loose[:3])}{gaps}"
-        return Check("one piece", False, found, OVERLAP)
-
-    plural = "s" if len(solids) > 1 else ""
-
-    return Check("one piece", True, f"{len(solids)} component{plural}{gaps}")
+    gap_mm = weld_mm if weld_mm > WELDS_MM[0] else 0.0
+    found = macros("plugins.results.workshop", "words").pieces(
+        len(solids), loose, gap_mm
+    )
+    return Check("one piece", not loose, found, OVERLAP if loose else "")
 
 
 def _joint_width(solid: Any, other: Any) -> float:

@@ -9,6 +9,7 @@ from core.design import Tool
 from core.designs.statics import flange_moment, mass_limit, moment_limit
 from core.goals import reaches
 from core.interfaces import Task
+from core.support.templates import macros
 from core.values.materials import Material
 from core.values.robots import Robot
 from plugins.results.workshop.life_size import to_life
@@ -43,7 +44,7 @@ def list_verdicts(
 def carried(tool: Tool, robot: Robot, material: Material) -> list[Check]:
     """Judge whether an arm carries a tool: its mass, and its moment about the flange."""
     heaviest = max(tool.components, key=lambda component: component.mass)
-    mend = f"{heaviest.name} weighs most, {1000 * heaviest.mass:.0f} g: make parts thinner, shorter or fewer"
+    mend = macros("plugins.results.workshop", "words").heaviest(heaviest)
     most, why = mass_limit(robot, material)
     weighs = f"{tool.mass:.3f} kg; {why}"
     moment = flange_moment(tool, robot)
@@ -89,22 +90,17 @@ def strong(
 
 
 def _judge_strength(row: Strength, factor: float, safety: float) -> Check:
-    bears = f"{row.stress_pa / 1e6:.1f} MPa, safety factor {factor:.2f}; at least {safety:g} is asked for"
     thicker = math.ceil(10 * math.sqrt(safety / factor)) / 10
-    mend = (
-        f"{row.load} loads it with {row.newtons:.1f} N at {1000 * row.lever_m:.0f} mm: make {row.component} about "
-        f"{thicker:g} times as thick across its thin side, shorten what it carries, or move more slowly"
-    )
+    words = macros("plugins.results.workshop", "words")
+    bears = words.bears(row, factor, safety)
+    mend = words.thicken(row, thicker)
     return Check("strength", factor >= safety, bears, mend, row.component)
 
 
 def _judge_stiffness(row: Strength, allowed_m: float) -> Check:
     """Fail what bends by more than is allowed, and note the rest."""
-    bends = f"{row.load} bends it by {1000 * row.bend_m:.1f} mm at {row.component}"
-    allowed = f"at most {1000 * allowed_m:.3g} mm are allowed"
+    found = macros("plugins.results.workshop", "words").bends(row, allowed_m)
     passed = False if row.bend_m > allowed_m else None
-    found = f"{bends}, and engines took it to be rigid; {allowed}"
-
     mend = "thicken or shorten it, choose a stiffer material, or move more slowly where it pushes"
     return Check("rigid", passed, found, mend)
 

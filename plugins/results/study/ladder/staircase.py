@@ -10,6 +10,7 @@ from pathlib import Path
 
 from core.errors import UserError
 from core.support.cli import say
+from core.support.templates import macros
 from core.values.efforts import holds
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.study.ladder.admission import Admission, admit, share
@@ -62,14 +63,7 @@ class Step:
     remark: str = ""
 
     def __str__(self) -> str:
-        verdict = "holds" if self.held else "fails"
-        if self.drawn is None:
-            verdict = "has no rung that counts"
-
-        parts = [f"{engine} {100 * share:.0f} %" for engine, share in self.shares]
-        remark = ", ".join(filter(None, [*parts, self.remark]))
-        where = f"{self.family} seed {self.seed} level {self.level}"
-        return f"{where}: {verdict}{f' ({remark})' if remark else ''}"
+        return str(macros("plugins.results", "words").step(self))
 
 
 @dataclass(frozen=True)
