@@ -26,7 +26,7 @@ from core.store.database import FILE
 from core.store.library import DESIGN, FACTS, KEPT_SETTINGS, read_facts
 from core.store.reader import StoredRun
 from core.support.cli import key_of, print_table, say
-from core.support.templates import fill
+from core.support.templates import fill, macros
 from core.support.text import hydra_word, number
 from core.values.messages import Bill
 from plugins.results.named_folders import folders_and_overrides
@@ -148,15 +148,13 @@ def _read_run(folder: Path) -> Inspected:
 
     result = store.result()
     evaluations = store.evaluations()
-    state = "it has not ended"
-    if result is not None:
-        state = f"it stopped: {result.stopped}" if result.stopped else "it has ended"
-
     best = result.best if result is not None else None
     claims = {} if best is None else {best.candidate: best.reward}
+    ended = result is not None
+    stopped = short(result.stopped or "") if result is not None else ""
+    words = macros("plugins.results", "words")
     says = [
-        f"a run: task={config['task']['name']} sim={config['sim']['name']} vlm={config['vlm']['name']}; "
-        f"{len(evaluations)} candidates; {short(state)}",
+        words.run(config, len(evaluations), stopped, ended),
         _describe_money(store, config),
     ]
     if best is not None and best.second_engine is not None:

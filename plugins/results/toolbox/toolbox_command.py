@@ -16,6 +16,7 @@ from core.errors import UsageError
 from core.interfaces import ActionPlan
 from core.plugins import ACTION, installed
 from core.support.cli import key_of, say, write_bytes
+from core.support.templates import macros
 from plugins.results.artifacts import save_design
 from plugins.results.named_folders import folders_and_overrides
 from plugins.results.pages.formats import Table, show_table, to_csv
@@ -81,10 +82,7 @@ def show(found: Toolbox) -> None:
     """Print the rewards, and the sets that do most."""
     show_table(tabulate(found))
     for tools in found.sets:
-        names = ", ".join(found.tools[i].name for i in tools)
-        count = f"{len(tools)} of {len(found.tools)} tools"
-        done = f"{len(found.done(tools))} of {len(found.tasks)} tasks"
-        say(f"{count} do {done}: {names}")
+        say(macros("plugins.results", "words").do_most(found, tools))
 
 
 def add(words: list[str]) -> None:

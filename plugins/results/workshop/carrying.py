@@ -32,6 +32,7 @@ from core.interfaces import (
 from core.plugins import PluginPart
 from core.scene import Scene
 from core.support.cli import expand, path_exists, say
+from core.support.templates import macros
 from plugins.results.chosen import chosen_evaluations
 from plugins.results.workshop.life_size import Ratio, to_life
 from plugins.results.workshop.motion import Sampled
@@ -264,7 +265,7 @@ def carry_out(
         if isinstance(step, Move):
             move = LifeSizeMove(step, life)
             stopped = driver.move_until(move)
-            _say_move(move, stopped)
+            say(macros("plugins.results.workshop", "words").moved(move, stopped))
             if stopped is not None:
                 stopped = stopped._replace(
                     time=stopped.time / life.time,
@@ -289,14 +290,3 @@ def carry_out(
         say(f"the plan ended early: {policy.problem}")
 
     return policy
-
-
-def _say_move(move: LifeSizeMove, stopped: Stopped | None) -> None:
-    """Say how a move ended."""
-    guard = move.planned.guard
-    if guard is None:
-        say(f"moved for {move.samples.times[-1]:.2f} s")
-    elif stopped is None:
-        say(f"no {guard.until}; the move came to its end")
-    else:
-        say(f"{guard.until} after {stopped.time:.2f} s")

@@ -9,6 +9,7 @@ from core.design import Candidate, DesignError, Tool
 from core.interfaces import Condition, Material, Robot, Trial
 from core.scene import Scene
 from core.solids.self_collision import DEEP_M
+from core.support.templates import macros
 from core.values.printers import Printer
 from plugins.results.workshop.clearance import clearance
 from plugins.results.workshop.life_size import to_life
@@ -153,10 +154,8 @@ class Examination:
         if to_spare(closest.to, closest.metres) >= 0:
             return closest.metres, None
 
-        return closest.metres, (
-            f"clearance: the arm comes as near as {1000 * closest.metres:.0f} mm to {closest.to}; at least "
-            f"{1000 * self.margin_m:g} mm are asked for: move or turn waypoints, or lengthen the tool"
-        )
+        words = macros("plugins.results.workshop", "words")
+        return closest.metres, words.clearance(closest, self.margin_m)
 
 
 def _check_fixture(tool: Tool, min_wall_mm: float) -> list[Check]:

@@ -18,6 +18,7 @@ from core.errors import UserError
 from core.geometry import Array, Cylinder, Mesh, Pose
 from core.robot.kinematics import link_poses
 from core.robot.solids import corners, robot_solids
+from core.support.templates import macros
 from core.values.robots import ISO_9409_1_50, Robot
 from plugins.results.workshop.mount import Mount
 from plugins.results.workshop.printing import Check
@@ -60,10 +61,7 @@ class Screws:
         if len(self.kinds) == 2:
             held = float(np.linalg.norm(self.places[0] - self.places[1])) > APART_M
 
-        found = f"{len(self.kinds)} of {bolts} screws can be driven"
-        if self.covered:
-            found += f"; in the way of the others: {', '.join(self.covered)}"
-
+        found = macros("plugins.results.workshop", "words").screws(self, bolts)
         return Check("screws", held, found, "narrow or move what is below them")
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.support.cli import write_bytes
+from core.support.templates import macros
 from core.values.materials import Material
 from core.values.printers import Printer
 from core.values.robots import Robot
@@ -151,8 +152,8 @@ def make_tool(
     if parts:
         printed = grams(parts) + sum(joint.mass_g for joint in joints)
         simulated = 1000 * mounted.mass
-        how = "milled" if material.is_metal else "printed"
-        weighs = f"{how} it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
+        words = macros("plugins.results.workshop", "words")
+        weighs = words.weighs(material.is_metal, printed, simulated)
         same = abs(printed - simulated) <= SAME_WEIGHT * printed
         mend = "thicken what is thin: there the walls weigh more than the rest"
         if not material.density_kg_m3:
