@@ -16,6 +16,7 @@ from core.design import GRIPPER_MOUNTS, Candidate, Tool
 from core.designs.reading import dump_design
 from core.interfaces import Motion, ToolRepresentation
 from core.robot.description import assemble, tool_urdf
+from core.support.templates import fill
 from core.values.robots import Robot
 from plugins.results.workshop.body import bodies
 from plugins.results.workshop.solid import to_mesh
@@ -37,13 +38,8 @@ def save_files(tool: Tool, robot: Robot, motion: Motion, folder: Path) -> None:
         writer.writerows(np.column_stack([poses, motion.arrivals.round(4)]).tolist())
 
     local = partial(copied, folder=folder)
-    # The mount links are one root and, for a second mount, a fixed joint, so that the file is a whole robot.
-    links = "".join(f'<link name="{name}"/>\n' for name in tool.mounts)
-    for name in tool.mounts[1:]:
-        ends = f'<parent link="{tool.mounts[0]}"/><child link="{name}"/>'
-        links += f'<joint name="{name}_joint" type="fixed">{ends}</joint>\n'
-
-    urdf = f'<robot name="tool">\n{links}{tool_urdf(tool, mesh_path=local)}</robot>\n'
+    parts = tool_urdf(tool, mesh_path=local)
+    urdf = fill("plugins.results", "tool", mounts=tool.mounts, parts=parts) + "\n"
     (folder / "tool.urdf").write_text(urdf, encoding="utf-8")
     with_tool = assemble(robot, tool, mesh_path=local)
     (folder / "robot.urdf").write_text(with_tool, encoding="utf-8")

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from core.geometry import Array
+from core.support.templates import macros
 from core.values.materials import Material
 from core.values.printers import Printer
 from plugins.results.workshop.joints import (
@@ -363,12 +364,8 @@ class _Cutter:
         lengths = [self._length_in(piece, n) for n in range(len(self._solids))]
         length = max(lengths)
         longest = self._link.names[lengths.index(length)]
-        size = " × ".join(f"{side:.0f}" for side in lying.size)
-        return (
-            f"no joint makes its part of {size} mm fit: shorten {longest}, {length:.0f} mm of which are in it, "
-            f"leave {REACH_MM[0] + 5:.0f} mm of a component straight and free of others, open it where it is closed "
-            "like a tray or a tube, or choose a larger printer"
-        )
+        words = macros("plugins.results.workshop", "words")
+        return str(words.advise(lying, longest, length, REACH_MM[0] + 5))
 
     def _length_in(self, piece: Any, number: int) -> float:
         """How long a component is in a piece, mm."""
