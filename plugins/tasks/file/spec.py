@@ -488,6 +488,16 @@ class PhotoSpec(_Spec):
     camera: Annotated[CameraSpec | None, AfterValidator(_perspective)] = None
 
 
+def _read_picture(given: Any) -> Any:
+    """Read a name as a photograph without its camera."""
+    return {"file": given} if isinstance(given, str) else given
+
+
+Picture = Annotated[
+    PhotoSpec, BeforeValidator(_read_picture, json_schema_input_type=str | PhotoSpec)
+]
+
+
 class SceneSpec(_Spec):
     """A scene file."""
 
@@ -534,7 +544,7 @@ class SceneSpec(_Spec):
     success_reward: Annotated[float, Field(gt=0, le=1)] = 1.0
     home: HomeSpec = HomeSpec()
     camera: CameraSpec = Camera()
-    pictures: Annotated[tuple[PhotoSpec, ...], Field(max_length=MAX_PHOTOS)] = ()
+    pictures: Annotated[tuple[Picture, ...], Field(max_length=MAX_PHOTOS)] = ()
     variations: Annotated[
         dict[
             Name,
@@ -562,7 +572,7 @@ def read_spec(tree: Tree, data: Mapping[str, Any]) -> SceneSpec:
         UserError: the first thing that is wrong: the line, the way to it, and how to mend it.
     """
     try:
-        return _read(data)
+        return check_plain(SceneSpec, data)
     except ValidationError as error:
         first = find_mistakes(SceneSpec, error)[0]
         raise tree.error(first.where, first.problem, first.refusals) from error
@@ -571,7 +581,7 @@ def read_spec(tree: Tree, data: Mapping[str, Any]) -> SceneSpec:
 def list_mistakes(tree: Tree, data: Mapping[str, Any]) -> list[str]:
     """List all that is wrong with a scene file's ``data``, a line for each; see `read_spec`."""
     try:
-        _read(data)
+        check_plain(SceneSpec, data)
     except ValidationError as error:
         return [
             str(tree.error(mistake.where, mistake.problem))
@@ -581,31 +591,11 @@ def list_mistakes(tree: Tree, data: Mapping[str, Any]) -> list[str]:
     return []
 
 
-def _read(data: Mapping[str, Any]) -> SceneSpec:
-    """Read data strictly, but a list is a tuple."""
-    pictures = data.get("pictures")
-    if isinstance(pictures, list):
-        data = {**data, "pictures": [_read_picture(picture) for picture in pictures]}
-
-    return check_plain(SceneSpec, data)
-
-
-def _read_picture(given: Any) -> Any:
-    """Read a name as a photograph without its camera."""
-    if isinstance(given, str):
-        return {"file": given}
-
-    return given
-
-
 @cache
 def json_schema() -> dict[str, Any]:
     """Describe what a scene file may say as a JSON Schema, for editors and for models; ``keys.yaml`` has the words."""
     dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
     schema = SceneSpec.model_json_schema()
-    pictures = schema["properties"]["pictures"]
-    pictures["items"] = {"anyOf": [{"type": "string"}, pictures["items"]]}
-
     del schema["$defs"]["Also"]  # a model is told the keys of goals once
     also = schema["$defs"]["Goal"]["properties"]["also"]["anyOf"][0]
     also["items"] = {"$ref": "#/$defs/Goal"}
