@@ -145,8 +145,9 @@ class PlannedReactions:
         lag = float(np.abs(trajectory.arm[-1] - arm).max())
 
         if lag > self._settings.feel.stall:
-            stop = bring_to_rest(trajectory, time, arm, self._arm, self._settings.speed)
-            return stop.held(max(time + look_s - stop.duration, FEEL_S))
+            trajectory = bring_to_rest(
+                trajectory, time, arm, self._arm, self._settings.speed
+            )
 
         return trajectory.held(max(time + look_s - trajectory.duration, FEEL_S))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -39,18 +39,24 @@ class Bundle:
         boards = [p.landmarks.markers for p in photographs if p.landmarks]
         self.size = self._lenses + (_BOARD if any(boards) else 0)
 
-    def move(self, shifted: Array) -> dict[int, View]:
-        """Return the views by the numbers of their photographs, from 0."""
+    def _split(self, shifted: Array) -> Iterator[tuple[int, Array, list[float]]]:
+        """Yield what is unknown of each camera: its photograph's number, its pose (6,) and its lens (2,)."""
         poses = shifted[: self._poses].reshape(-1, _POSE)
         lenses = shifted[self._poses : self._lenses].reshape(-1, _LENS)
+        for number, pose in zip(self._views, poses, strict=True):
+            yield number, pose, lenses[self._lens[number]].tolist()
+
+    def move(self, shifted: Array) -> dict[int, View]:
+        """Return the views by the numbers of their photographs, from 0."""
         moved = dict[int, View]()
-        for (number, view), pose in zip(self._views.items(), poses, strict=True):
+        for number, pose, (fov, bend) in self._split(shifted):
             error = self._photographs[number].error
-            fov, bend = lenses[self._lens[number]].tolist()
             metres = error.place_m * pose[:3]
             turn = np.radians(error.turn_deg) * pose[3:]
             fov_deg = error.fov_deg * fov
-            moved[number] = view.shift(metres, turn, fov_deg, error.bend * bend)
+            moved[number] = self._views[number].shift(
+                metres, turn, fov_deg, error.bend * bend
+            )
 
         return moved
 
@@ -78,11 +84,7 @@ class Bundle:
 
     def measure_moves(self, shifted: Array) -> dict[int, float]:
         """Say how many standard deviations a camera is at most from where it was measured, by photographs' numbers."""
-        poses = shifted[: self._poses].reshape(-1, _POSE)
-        lenses = shifted[self._poses : self._lenses].reshape(-1, _LENS)
-        most = dict[int, float]()
-        for number, pose in zip(self._views, poses, strict=True):
-            moves = np.abs([*pose, *lenses[self._lens[number]]])
-            most[number] = float(moves.max())
-
-        return most
+        return {
+            number: float(np.abs([*pose, *lens]).max())
+            for number, pose, lens in self._split(shifted)
+        }
