@@ -22,7 +22,6 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     GetPydanticSchema,
-    ValidationError,
     create_model,
 )
 from pydantic import model_validator as check_whole
@@ -32,14 +31,13 @@ from core.errors import WrongPart
 from core.geometry import KINDS, PRIMITIVES, Primitive
 from core.goals import AboveZero, Key, Reach
 from core.scene import Bond, Camera, Cloth, Color, Elastic, Joint, Rope
-from core.support.inputs import STRICT, check_plain, find_mistakes, in_unit
+from core.support.inputs import STRICT, in_unit
 from core.values.layouts import NONE
 from core.values.softs import MAX_NODES
 from plugins.tasks.file import refusals
 from plugins.tasks.file.goals import ALL_KINDS, Entry, read_entry
 from plugins.tasks.file.hollows import COLUMN_M
 from plugins.tasks.file.imports import imported as limits
-from plugins.tasks.file.tree import Tree
 from plugins.tasks.file.varied_numbers import Varied
 from plugins.tasks.file.vessels import Vessel
 
@@ -563,32 +561,6 @@ class SceneSpec(_Spec):
                 f"{min(idle)} says nothing where floor is false; leave one of the two out"
             )
         return self
-
-
-def read_spec(tree: Tree, data: Mapping[str, Any]) -> SceneSpec:
-    """Check a scene file's ``data``, that of its ``tree`` or with other numbers.
-
-    Raises:
-        UserError: the first thing that is wrong: the line, the way to it, and how to mend it.
-    """
-    try:
-        return check_plain(SceneSpec, data)
-    except ValidationError as error:
-        first = find_mistakes(SceneSpec, error)[0]
-        raise tree.error(first.where, first.problem, first.refusals) from error
-
-
-def list_mistakes(tree: Tree, data: Mapping[str, Any]) -> list[str]:
-    """List all that is wrong with a scene file's ``data``, a line for each; see `read_spec`."""
-    try:
-        check_plain(SceneSpec, data)
-    except ValidationError as error:
-        return [
-            str(tree.error(mistake.where, mistake.problem))
-            for mistake in find_mistakes(SceneSpec, error)
-        ]
-
-    return []
 
 
 @cache

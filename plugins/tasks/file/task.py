@@ -84,7 +84,7 @@ class FileTask(Task):
 
     def _build(self, variation: str) -> None:
         """Build the scene and the goals, and check them."""
-        spec = schema.read_spec(self._tree, self._tree.data)
+        spec = self._tree.check(schema.SceneSpec, self._tree.data)
         home = spec.home
         varied = self._read_variations(spec)
         # Attributes of the object hide those of the class.
@@ -225,7 +225,7 @@ class FileTask(Task):
             else:
                 holder[key] = number
 
-        spec = schema.read_spec(self._tree, data)
+        spec = self._tree.check(schema.SceneSpec, data)
         scene = building.build_scene(self._tree, spec, self._files)
         if not starts:
             return scene

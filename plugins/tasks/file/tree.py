@@ -6,15 +6,18 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
+from pydantic import ValidationError
 
 from core.errors import CodedError, Refusal, UserError
 from core.support.files import read_text
-from core.support.inputs import ENTRY_VALUE
+from core.support.inputs import ENTRY_VALUE, check_plain, find_mistakes
 from core.support.text import clean
 from plugins.tasks.file import refusals
+
+T = TypeVar("T")
 
 MAX_BYTES = 100_000
 MAX_DEPTH = 12
@@ -112,6 +115,30 @@ class Tree:
         return error.coded(
             *(Refusal(refusal.code, {**refusal.values, **place}) for refusal in found)
         )
+
+    def check(self, kind: type[T], data: Mapping[str, Any]) -> T:
+        """Return the document, or one with other numbers, as a type has it.
+
+        Raises:
+            UserError: the first thing that is wrong: the line, the way to it, and how to mend it.
+        """
+        try:
+            return check_plain(kind, data)
+        except ValidationError as error:
+            first = find_mistakes(kind, error)[0]
+            raise self.error(first.where, first.problem, first.refusals) from error
+
+    def list_mistakes(self, kind: type) -> list[str]:
+        """List all that is wrong with the document as a type has it, a line for each; see `check`."""
+        try:
+            check_plain(kind, self.data)
+        except ValidationError as error:
+            return [
+                str(self.error(mistake.where, mistake.problem))
+                for mistake in find_mistakes(kind, error)
+            ]
+
+        return []
 
     def _check_events(self, text: str) -> None:
         """Refuse what would unfold, or make objects, before anything is built."""

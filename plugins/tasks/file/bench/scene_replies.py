@@ -6,10 +6,10 @@ import re
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field
 
 from core.errors import UserError
-from core.support.inputs import STRICT, check_plain, find_mistakes
+from core.support.inputs import STRICT
 from plugins.tasks.file.spec import Name, Place
 from plugins.tasks.file.tree import MAX_BYTES, Tree
 
@@ -85,9 +85,7 @@ def read_reply(file: Path, reply: str) -> tuple[str, Beside]:
         if tree.data.keys() - Beside.model_fields:
             text = block
             continue
-        try:
-            beside = check_plain(Beside, tree.data)
-        except ValidationError as error:
-            first = find_mistakes(Beside, error)[0]
-            raise tree.error(first.where, first.problem, first.refusals) from error
+
+        beside = tree.check(Beside, tree.data)
+
     return text, beside
