@@ -21,6 +21,7 @@ from core.interfaces import (
     ActionRepresentation,
     Anchor,
     Brief,
+    JsonObject,
     Numbers,
     PlannedMotion,
     Reactions,
@@ -175,7 +176,7 @@ class AnchoredActions(ActionRepresentation):
             max_depth=MAX_DEPTH,
         )
 
-    def schema(self, *, gripper: bool) -> dict[str, Any]:
+    def schema(self, *, gripper: bool) -> JsonObject:
         left_out = set() if self.guards else {*GUARD_FIELDS}
         if not gripper:
             left_out.add("grip")
@@ -224,7 +225,7 @@ class AnchoredActions(ActionRepresentation):
         for number, (row, grip, anchor, guard) in enumerate(rows, start=1):
             where = f"waypoint {number}"
             pose = Pose.xyz_rpy(row[:3], row[3:6])
-            written: dict[str, Any] = {
+            written: JsonObject = {
                 "anchor": anchor.name,
                 "axes": anchor.axes,
                 "toward": anchor.toward,
@@ -376,7 +377,7 @@ def _check_meets(items: Sequence[Item], before: int = 0) -> int:
     return number
 
 
-def _plain(schema: dict[str, Any]) -> dict[str, Any]:
+def _plain(schema: JsonObject) -> JsonObject:
     """A field's schema in the words that all providers know: without titles, defaults and prefixes."""
     plain = dict(schema)
     for name in ("title", "default"):

@@ -20,6 +20,7 @@ from core.designs.plan_rules import MAX_REACH_M, MAX_WAYPOINTS
 from core.designs.schema import object_schema
 from core.errors import refuse
 from core.geometry import Array
+from core.interfaces import JsonObject
 from core.support.inputs import FIELDS, check, meant
 from core.support.text import count_words, kind
 from plugins.actions.steps import HERE, IT, Name, Step, read_step
@@ -366,7 +367,7 @@ def _find_kinds(data: object) -> list[str]:
     return [name for name in KINDS if name in data]
 
 
-def block_schemas(waypoint: dict[str, Any]) -> list[dict[str, Any]]:
+def block_schemas(waypoint: JsonObject) -> list[JsonObject]:
     """Return the JSON schemas of looks and blocks, of waypoints alone in them: a schema has no end otherwise."""
     look = object_schema({"look": {"type": "boolean"}})
     steps = {"type": "array", "items": {"anyOf": [waypoint, look]}, "minItems": 1}

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, Strict, TypeAdapter
@@ -17,7 +17,7 @@ from core.design import DesignError
 from core.designs.plan_rules import MAX_ANGLE_RAD, MAX_REACH_M, MIN_TEMPO
 from core.errors import refuse
 from core.geometry import Array, Pose
-from core.interfaces import Guard, Seen
+from core.interfaces import Guard, JsonObject, Seen
 from core.support.inputs import FIELDS, check, in_unit
 from core.support.text import kind, shorten
 
@@ -233,9 +233,9 @@ class Step:
             corrects=tuple(name if n == IT else n for n in self.corrects),
         )
 
-    def dump(self) -> dict[str, Any]:
+    def dump(self) -> JsonObject:
         """Return what was written, without what has its default."""
-        written: dict[str, Any] = _STEPS.dump_python(
+        written: JsonObject = _STEPS.dump_python(
             self, mode="json", exclude_defaults=True
         )
         return written

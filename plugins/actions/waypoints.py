@@ -9,7 +9,14 @@ import numpy as np
 
 from core.designs.plan_rules import MAX_ANGLE_RAD, MAX_REACH_M, WAYPOINT, check_plan
 from core.geometry import Array
-from core.interfaces import ActionPlan, ActionRepresentation, Brief, Numbers, Waypoints
+from core.interfaces import (
+    ActionPlan,
+    ActionRepresentation,
+    Brief,
+    JsonObject,
+    Numbers,
+    Waypoints,
+)
 from core.support.templates import fill
 
 # Small changes, metres and radians, of a search without a model.
@@ -24,7 +31,7 @@ class WaypointActions(ActionRepresentation):
     def instructions(self, brief: Brief) -> str:
         return fill("plugins.actions", "waypoints", gripper=brief.gripper)
 
-    def schema(self, *, gripper: bool) -> dict[str, Any]:
+    def schema(self, *, gripper: bool) -> JsonObject:
         count = len(WAYPOINT)
         if not gripper:
             count -= 1

@@ -12,6 +12,7 @@ from pydantic import BaseModel, Field, Strict, create_model
 
 from core.design import DesignError
 from core.geometry import KINDS, PRIMITIVES, Array, Box, Pose, Primitive, Shape
+from core.interfaces import JsonObject
 from core.support.inputs import FIELDS, check, in_unit
 from core.support.text import shorten
 from plugins.tools import refusals
@@ -76,7 +77,7 @@ def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
         raise DesignError(f"{where}: {error}") from error
 
 
-def _shape_schemas() -> Iterator[dict[str, Any]]:
+def _shape_schemas() -> Iterator[JsonObject]:
     """Yield the schema of the keys of shapes; those with the same lengths share one."""
     alike: dict[tuple[str, ...], list[type[Primitive]]] = {}
     for kind in KINDS:
@@ -84,7 +85,7 @@ def _shape_schemas() -> Iterator[dict[str, Any]]:
 
     for kinds in alike.values():
         names = [kind.kind for kind in kinds]
-        schema: dict[str, Any] = {"shape": TEXT | {"enum": names}}
+        schema: JsonObject = {"shape": TEXT | {"enum": names}}
         for size, count in kinds[0].lengths().items():
             schema[size] = NUMBER if count == 1 else TRIPLE
 
@@ -101,19 +102,19 @@ class BoxTools(ComponentTools):
     limits = MappingProxyType({"kinds": KINDS})
     shape_schemas = tuple(_shape_schemas())
 
-    def example_shape(self, size: Array) -> dict[str, Any]:
+    def example_shape(self, size: Array) -> JsonObject:
         return {"shape": Box.kind, "size": rounded(size)}
 
     def readers(self) -> Iterable[ReadShape]:
         return [_read_shape]
 
-    def write_shape(self, shape: Shape, where: str) -> dict[str, Any]:
+    def write_shape(self, shape: Shape, where: str) -> JsonObject:
         if not isinstance(shape, Primitive):
             raise DesignError(
                 f"{where} is a mesh, which tool=boxes can't write; use tool=solids"
             )
 
-        item: dict[str, Any] = {"shape": shape.kind}
+        item: JsonObject = {"shape": shape.kind}
         for name, size in shape.sizes.items():
             numbers = rounded(np.ravel(size))
             item[name] = numbers if isinstance(size, tuple) else numbers[0]

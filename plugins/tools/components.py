@@ -31,7 +31,7 @@ from core.designs.rules import (
 )
 from core.designs.schema import object_schema
 from core.geometry import Array, Pose, Shape
-from core.interfaces import Brief, Robot
+from core.interfaces import Brief, JsonObject, Robot
 from core.robot.description import assembled
 from core.robot.solids import closest, solids_of
 from core.support.inputs import FIELDS, check, in_unit, meant
@@ -134,7 +134,7 @@ class ComponentTools(VariedTools):
 
     field: str
     keys: tuple[str, ...]
-    shape_schemas: tuple[dict[str, Any], ...]
+    shape_schemas: tuple[JsonObject, ...]
     template: str
     limits: Mapping[str, Any] = MappingProxyType({})
 
@@ -142,7 +142,7 @@ class ComponentTools(VariedTools):
         self.joints = joints
 
     @abstractmethod
-    def example_shape(self, size: Array) -> dict[str, Any]:
+    def example_shape(self, size: Array) -> JsonObject:
         """Write the shape of the example, which fills a box of this size (3,)."""
 
     @abstractmethod
@@ -150,10 +150,10 @@ class ComponentTools(VariedTools):
         """Return what reads the shapes of one tool, for each pass over its components; the last makes them."""
 
     @abstractmethod
-    def write_shape(self, shape: Shape, where: str) -> dict[str, Any]:
+    def write_shape(self, shape: Shape, where: str) -> JsonObject:
         """Write a shape as `readers` read it."""
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> JsonObject:
         items = []
 
         for shape in self.shape_schemas:
@@ -327,7 +327,7 @@ class ComponentTools(VariedTools):
 
         return min(gaps, key=gaps.__getitem__)
 
-    def dump(self, tool: Tool) -> dict[str, Any]:
+    def dump(self, tool: Tool) -> JsonObject:
         placed = tool.placed()
         items = [
             self._write(component, placed[component.name][1])
@@ -336,7 +336,7 @@ class ComponentTools(VariedTools):
 
         return {self.field: items}
 
-    def _write(self, component: Component, pose: Pose) -> dict[str, Any]:
+    def _write(self, component: Component, pose: Pose) -> JsonObject:
         """Write a component at a pose in the mount's frame."""
         shares = component.color[:3]
         item = {
@@ -354,12 +354,12 @@ class ComponentTools(VariedTools):
 
         return item
 
-    def abridge(self, tool: Tool) -> dict[str, Any]:
+    def abridge(self, tool: Tool) -> JsonObject:
         """Write the tool without colours and what is added when it is read, to 0.1 mm."""
         return {self.field: [_abridge(item) for item in self.dump(tool)[self.field]]}
 
 
-def _abridge(item: Mapping[str, Any]) -> dict[str, Any]:
+def _abridge(item: Mapping[str, Any]) -> JsonObject:
     """Write a component in short: without its colour, and what is as usual."""
     short = {}
 
@@ -469,7 +469,7 @@ def _make_joint(
         raise error.placed(f"{where}: ") from error
 
 
-def _write_joint(joint: ToolJoint | None, pose: Pose) -> dict[str, Any] | None:
+def _write_joint(joint: ToolJoint | None, pose: Pose) -> JsonObject | None:
     """Write the joint of a component at this pose in the frame of its mount."""
     if joint is None:
         return None

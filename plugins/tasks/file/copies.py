@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from core.interfaces import JsonObject
 from core.support.inputs import check_plain
 from plugins.tasks.file.body_building import build_body, place_copies, read_pose
 from plugins.tasks.file.named_files import Files
@@ -22,7 +23,7 @@ Values = dict[str, Range]
 """By path, the lowest and the highest, or the values of layouts."""
 
 
-def unfold(data: dict[str, Any], paths: Iterable[str], files: Files) -> dict[str, Any]:
+def unfold(data: JsonObject, paths: Iterable[str], files: Files) -> JsonObject:
     """Write out the copies of those repeated bodies of ``data`` that paths name, such as ``bodies.ball_3.mass``.
 
     Args:
@@ -49,7 +50,7 @@ def unfold(data: dict[str, Any], paths: Iterable[str], files: Files) -> dict[str
     return {**data, "bodies": bodies}
 
 
-def _write_copies(body: dict[str, Any], files: Files) -> Iterator[dict[str, Any]]:
+def _write_copies(body: JsonObject, files: Files) -> Iterator[JsonObject]:
     """Yield the copies of a repeated body, each as a body of the file."""
     spec = check_plain(BodySpec, body)
     assert spec.repeat is not None
@@ -67,7 +68,7 @@ def _write_copies(body: dict[str, Any], files: Files) -> Iterator[dict[str, Any]
 
 
 def read_range(
-    data: dict[str, Any], path: str, wanted: Range | float, files: Files
+    data: JsonObject, path: str, wanted: Range | float, files: Files
 ) -> Values:
     """Read a path of a variation: a pattern such as ``bodies.ball_*.mass`` stands for all bodies that fit it.
 
@@ -97,7 +98,7 @@ def read_range(
     return ranges
 
 
-def _find_paths(data: dict[str, Any], path: str) -> list[str]:
+def _find_paths(data: JsonObject, path: str) -> list[str]:
     """List the paths that a path with a pattern stands for; itself, where it has none."""
     if not _GLOB.search(path):
         return [path]

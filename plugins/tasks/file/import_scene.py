@@ -22,6 +22,7 @@ from core.imports.kinds import find_radians
 from core.imports.meshes import KINDS
 from core.imports.mjcf import list_files
 from core.imports.urdf import read_urdf
+from core.interfaces import JsonObject
 from core.scene import Body, Joint
 from core.solids.standing import bound
 from core.support.cli import expand, write_bytes
@@ -52,7 +53,7 @@ class _Placed:
     """
 
     section: str
-    entry: dict[str, Any]
+    entry: JsonObject
     held: Imported
     lines: list[str]
 
@@ -142,7 +143,7 @@ def _place_mesh(file: Path, cfg: DictConfig) -> _Placed:
 
     name = re.sub(r"[^A-Za-z0-9_-]", "_", file.stem)[:50]
     name = name if name[:1].isalpha() else f"body_{name}"
-    entry: dict[str, Any] = {"name": name, "density": cfg.density}
+    entry: JsonObject = {"name": name, "density": cfg.density}
     if scale != 1:
         entry["scale"] = scale
 
@@ -164,7 +165,7 @@ def _place_bodies(file: Path, folder: Path, cfg: DictConfig) -> _Placed:
             f"left out, as they move and have neither a mass nor a shape: {', '.join(empty)}"
         )
 
-    options: dict[str, Any] = {"without": without} if without else {}
+    options: JsonObject = {"without": without} if without else {}
     if root.tag == "mujoco" and find_radians(root):
         lines.append(
             'its ranges look like radians, and count as degrees: add <compiler angle="radian"/> if they are'
@@ -250,7 +251,7 @@ def _choose_place(low: Array, high: Array) -> list[float]:
     return [round(float(value), 4) + 0.0 for value in place]
 
 
-def _choose_goal(placed: _Placed) -> tuple[dict[str, Any], str]:
+def _choose_goal(placed: _Placed) -> tuple[JsonObject, str]:
     """Choose a goal to begin with: a joint that moves through half of its range, or a body that is pushed aside.
 
     Returns:
@@ -262,7 +263,7 @@ def _choose_goal(placed: _Placed) -> tuple[dict[str, Any], str]:
         way = _find_way(joint)
         sign = ">" if way > 0 else "<"
         unit = "m" if joint.kind == "slider" else "rad"
-        goal: dict[str, Any] = {"joint": joint.name, "change": f"{sign} {way:.3g}"}
+        goal: JsonObject = {"joint": joint.name, "change": f"{sign} {way:.3g}"}
         return goal, f"Move {joint.name} by {abs(way):.3g} {unit}."
 
     movable = [body for body in held.bodies if body.mass]

@@ -16,7 +16,7 @@ from core.errors import UserError
 from core.geometry import Array, Pose, Vector
 from core.goals import are_goals_met, goals_margins, goals_reward, reaches
 from core.hooks import Harmless, Names
-from core.interfaces import Picture, Task
+from core.interfaces import JsonObject, Picture, Task
 from core.robot.kinematics import arm_of
 from core.scene import Margin, Scene, State, Trace
 from core.solids.hindrances import find_hindrances
@@ -173,7 +173,7 @@ class FileTask(Task):
         vars(self).update(camera=camera)
 
     @staticmethod
-    def json_schema() -> dict[str, Any]:
+    def json_schema() -> JsonObject:
         """Describe what a scene file may say as a JSON Schema."""
         return schema.json_schema()
 

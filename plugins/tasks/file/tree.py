@@ -12,6 +12,7 @@ import yaml
 from pydantic import ValidationError
 
 from core.errors import CodedError, Refusal, UserError
+from core.interfaces import JsonObject
 from core.support.files import read_text
 from core.support.inputs import ENTRY_VALUE, check_plain, find_mistakes
 from core.support.text import clean
@@ -77,7 +78,7 @@ class Tree:
         if not isinstance(root, yaml.MappingNode):
             raise UserError.because(refusals.YAML_OBJECT, file=str(file))
 
-        self.data: dict[str, Any] = self._read(root, ())
+        self.data: JsonObject = self._read(root, ())
 
     @classmethod
     def read(cls, file: Path) -> tuple[str, Tree]:
@@ -163,7 +164,7 @@ class Tree:
             self.spans[where] = (node.start_mark.index, node.end_mark.index)
             return self._scalar(node, where)
 
-        found: dict[str, Any] = {}
+        found: JsonObject = {}
         for key, value in node.value:
             if not isinstance(key, yaml.ScalarNode):
                 raise self.error(where, UserError.because(refusals.YAML_KEY))

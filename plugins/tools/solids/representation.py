@@ -9,6 +9,7 @@ from typing import Any
 
 from core.design import DesignError
 from core.geometry import KINDS, PRIMITIVES, Array, Box, Pose, Shape
+from core.interfaces import JsonObject
 from plugins.tools import refusals
 from plugins.tools.components import TEXT, ComponentTools, ReadShape, rounded
 from plugins.tools.solids.building import MAX_TRIANGLES, NATIVES, count_triangles
@@ -88,7 +89,7 @@ class SolidTools(ComponentTools):
     )
     shape_schemas = ({"solid": TEXT | {"description": "the tree of shapes, as JSON"}},)
 
-    def example_shape(self, size: Array) -> dict[str, Any]:
+    def example_shape(self, size: Array) -> JsonObject:
         hole = {"cylinder": [0.003, 0.1], "at": [0, 0, 0.005, 1.5708, 0, 0]}
         return {"solid": json.dumps({"difference": [{"box": rounded(size)}, hole]})}
 
@@ -96,5 +97,5 @@ class SolidTools(ComponentTools):
         reader = _Reader()
         return [reader.read, reader.make]
 
-    def write_shape(self, shape: Shape, where: str) -> dict[str, Any]:
+    def write_shape(self, shape: Shape, where: str) -> JsonObject:
         return {"solid": json.dumps(dump_node(node_of(shape)), separators=(",", ":"))}

@@ -25,6 +25,7 @@ from pydantic import (
 from core.design import DesignError
 from core.designs.rules import MIN_SIDE_M
 from core.geometry import KINDS, Primitive
+from core.interfaces import JsonObject
 from core.support.inputs import FIELDS, check, in_unit
 from core.support.text import kind, shorten
 from plugins.tools import refusals
@@ -81,7 +82,7 @@ class Node:
     at: tuple[float, ...] = (0.0,) * 6
 
 
-def dump_node(node: Node) -> dict[str, Any]:
+def dump_node(node: Node) -> JsonObject:
     """Write a tree as JSON values.
 
     Args:
@@ -93,7 +94,7 @@ def dump_node(node: Node) -> dict[str, Any]:
     elif node.points:
         content = [rounded(point) for point in node.points]
 
-    data: dict[str, Any] = {node.kind: content}
+    data: JsonObject = {node.kind: content}
     if node.kind in _EXTRA and node.sizes != (FULL_TURN,):
         data[_EXTRA[node.kind]] = rounded(node.sizes)[0]
 

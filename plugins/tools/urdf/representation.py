@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from core.design import DesignError, Tool
-from core.interfaces import Brief
+from core.interfaces import Brief, JsonObject
 from core.robot.description import tool_urdf
 from core.support.templates import fill
 from core.support.text import kind, short_numbers
@@ -25,7 +25,7 @@ class UrdfTools(VariedTools):
     def __init__(self, joints: bool = False) -> None:
         self.joints = joints
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> JsonObject:
         description = (
             "URDF <link> and <joint> elements of the tool, without a root element"
         )
@@ -45,10 +45,10 @@ class UrdfTools(VariedTools):
         masses = self.material.density_kg_m3 is None
         return build_tool(text, gripper, self.robot, masses=masses, loose=self.joints)
 
-    def dump(self, tool: Tool) -> dict[str, Any]:
+    def dump(self, tool: Tool) -> JsonObject:
         return {"tool_urdf": tool_urdf(tool)}
 
-    def abridge(self, tool: Tool) -> dict[str, Any]:
+    def abridge(self, tool: Tool) -> JsonObject:
         """Write a line for each component: in its parent's frame where it is, in its own how it moves.
 
         Masses follow where they are asked for: one number, if all components have it.
