@@ -86,6 +86,7 @@ class FileTask(Task):
         """Build the scene and the goals, and check them."""
         spec = self._tree.check(schema.SceneSpec, self._tree.data)
         home = spec.home
+        self._scene = building.build_scene(self._tree, spec, self._files)
         varied = self._read_variations(spec)
         # Attributes of the object hide those of the class.
         vars(self).update(
@@ -111,7 +112,6 @@ class FileTask(Task):
         if SEEN in self.variations:
             vars(self).update(search_words=SEARCH_WORDS)
         Task.__init__(self, variation)
-        self._scene = building.build_scene(self._tree, spec, self._files)
         wanted = naming.build_goals(self._tree, spec, self._scene)
         vars(self).update(goals=wanted)
         self._look_at(spec)
