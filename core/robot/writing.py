@@ -5,22 +5,89 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-
-from lxml import etree
+from xml.sax.saxutils import escape
 
 from core.geometry import Primitive
 from core.values.descriptions import (
-    MOMENTS,
+    NO_LIMITS,
     ONE,
     Description,
-    Limits,
-    Origin,
     RobotJoint,
     RobotLink,
     RobotShape,
 )
 
 MeshPath = Callable[[Path], str]
+
+# Each link has an inertia: engines would guess one. URDF has no springs; other readers skip our <spring>.
+_URDF = """\
+{% macro write_shape(tag, part, material) %}
+<{{ tag }}>
+  <origin{{ set(xyz=part.origin.xyz, rpy=part.origin.rpy) }}/>
+  <geometry>
+    {{ write_solid(part) }}
+  </geometry>
+{% if material %}
+  <material{{ set(name=material) }}>
+    <color{{ set(rgba=part.color) }}/>
+  </material>
+{% endif %}
+</{{ tag }}>
+{% endmacro %}
+{% macro write_link(link) %}
+{% set inertia = link.inertial %}
+{% set xx, xy, xz, yy, yz, zz = inertia.moments %}
+{% set colors = link.visuals | map(attribute="color") | unique | list %}
+<link{{ set(name=link.name) }}>
+  <inertial>
+    <origin{{ set(xyz=inertia.center, rpy=inertia.rpy) }}/>
+    <mass{{ set(value=inertia.mass) }}/>
+    <inertia{{ set(ixx=xx, ixy=xy, ixz=xz, iyy=yy, iyz=yz, izz=zz) }}/>
+  </inertial>
+{% for part in link.visuals if visuals %}
+{% set name = "" if part.color is none else link.name ~ "_color" ~ (colors.index(part.color) or "") %}
+{{ write_shape("visual", part, name) | indent(2, true) -}}
+{% endfor %}
+{% for part in link.collisions %}
+{{ write_shape("collision", part, "") | indent(2, true) -}}
+{% endfor %}
+</link>
+{% endmacro %}
+{% macro write_joint(joint) %}
+<joint{{ set(name=joint.name, type=joint.kind) }}>
+  <parent{{ set(link=joint.parent) }}/>
+  <child{{ set(link=joint.child) }}/>
+  <origin{{ set(xyz=joint.origin.xyz, rpy=joint.origin.rpy) }}/>
+{% if joint.kind != "fixed" %}
+  <axis{{ set(xyz=joint.axis) }}/>
+{% set most = joint.limits %}
+{% if most != no_limits %}
+  <limit{{ set(lower=most.lower, upper=most.upper, effort=most.effort, velocity=most.velocity) }}/>
+{% endif %}
+  <dynamics{{ set(damping=joint.damping, friction=joint.friction) }}/>
+{% set mimic = joint.mimic %}
+{% if mimic %}
+  <mimic{{ set(joint=mimic.joint, multiplier=mimic.multiplier, offset=mimic.offset) }}/>
+{% endif %}
+{% if joint.spring %}
+  <spring{{ set(stiffness=joint.spring[0], rest=joint.spring[1]) }}/>
+{% endif %}
+{% endif %}
+</joint>
+{% endmacro %}
+{% if robot is none %}
+{{ write_link(links[0]) }}{{ write_joint(joints[0]) -}}
+{% else %}
+<robot{{ set(name=robot) }}>
+{% for link in links %}
+{{ write_link(link) | indent(2, true) -}}
+{% endfor %}
+{% for joint in joints %}
+{{ write_joint(joint) | indent(2, true) -}}
+{% endfor %}
+</robot>
+{% endif %}
+"""
 
 
 def write(
@@ -33,121 +100,60 @@ def write(
         visuals: include the visual shapes.
         mesh_path: maps a mesh's absolute path to the text that is written.
     """
-    root = _element("robot", name=description.name)
-
-    for link in description.links.values():
-        root.append(_link_element(link, visuals, mesh_path))
-
-    root.extend(map(_joint_element, description.joints.values()))
-
-    return _to_text(root)
+    links = [*description.links.values()]
+    joints = [*description.joints.values()]
+    return _fill(mesh_path, description.name, links, joints, visuals)
 
 
 def write_part(link: RobotLink, joint: RobotJoint, mesh_path: MeshPath) -> str:
     """Write a link and the joint that bears it as text, without a root element."""
-    return _to_text(_link_element(link, True, mesh_path)) + _to_text(
-        _joint_element(joint)
-    )
+    return _fill(mesh_path, None, [link], [joint], True)
 
 
-def _to_text(element: Any) -> str:
-    """Write an element and what is in it, a line each."""
-    etree.indent(element, "  ")
-    return str(etree.tostring(element, encoding="unicode")) + "\n"
+def _fill(
+    mesh_path: MeshPath,
+    robot: str | None,
+    links: list[RobotLink],
+    joints: list[RobotJoint],
+    visuals: bool,
+) -> str:
+    """Fill in the template; without the name of a robot it is a link and the joint that bears it."""
+    from core.support.templates import fill_text  # imports Jinja
 
+    def write_solid(part: RobotShape) -> str:
+        """Write the element of a shape."""
+        if isinstance(part.shape, Path):
+            scale = None if part.scale == ONE else part.scale
+            return f"<mesh{_set(filename=mesh_path(part.shape), scale=scale)}/>"
 
-def _link_element(link: RobotLink, visuals: bool, mesh_path: MeshPath) -> Any:
-    """Write a link, with its visual shapes or without."""
-    # Each link has an inertia: engines would guess one.
-    inertia = link.inertial
-    inertial = _element(
-        "inertial",
-        _origin_element(Origin(inertia.center, inertia.rpy)),
-        _element("mass", value=inertia.mass),
-        _element("inertia", **dict(zip(MOMENTS, inertia.moments, strict=True))),
-    )
-    element = _element("link", inertial, name=link.name)
-
-    colors = list(dict.fromkeys(shape.color for shape in link.visuals))
-    for shape in link.visuals if visuals else ():
-        part = _shape_element("visual", shape, mesh_path)
-        if shape.color is not None:
-            name = f"{link.name}_color{colors.index(shape.color) or ''}"
-            color = _element("color", rgba=shape.color)
-            part.append(_element("material", color, name=name))
-
-        element.append(part)
-
-    for shape in link.collisions:
-        element.append(_shape_element("collision", shape, mesh_path))
-
-    return element
-
-
-def _shape_element(tag: str, shape: RobotShape, mesh_path: MeshPath) -> Any:
-    """Write a shape that is drawn or that collides, as ``tag`` says."""
-    solid = shape.shape
-    if isinstance(solid, Path):
-        scale = None if shape.scale == ONE else shape.scale
-        body = _element("mesh", filename=mesh_path(solid), scale=scale)
-    else:
         # They and their lengths are named as in URDF; others are files by now.
-        assert isinstance(solid, Primitive)
-        body = _element(solid.kind, **solid.sizes)
+        assert isinstance(part.shape, Primitive)
+        return f"<{part.shape.kind}{_set(**part.shape.sizes)}/>"
 
-    origin = _origin_element(shape.origin)
-    return _element(tag, origin, _element("geometry", body))
-
-
-def _joint_element(joint: RobotJoint) -> Any:
-    """Write a joint. URDF has no springs; other readers skip our ``<spring>``."""
-    element = _element(
-        "joint",
-        _element("parent", link=joint.parent),
-        _element("child", link=joint.child),
-        _origin_element(joint.origin),
-        name=joint.name,
-        type=joint.kind,
+    return fill_text(
+        _URDF,
+        robot=robot,
+        links=links,
+        joints=joints,
+        visuals=visuals,
+        set=_set,
+        write_solid=write_solid,
+        no_limits=NO_LIMITS,
     )
-    if joint.kind == "fixed":
-        return element
-
-    element.append(_element("axis", xyz=joint.axis))
-    if joint.limits != Limits():
-        element.append(_element("limit", **joint.limits._asdict()))
-
-    element.append(_element("dynamics", damping=joint.damping, friction=joint.friction))
-    if joint.mimic is not None:
-        element.append(_element("mimic", **joint.mimic._asdict()))
-    if joint.spring is not None:
-        stiffness, rest = joint.spring
-        element.append(_element("spring", stiffness=stiffness, rest=rest))
-
-    return element
 
 
-def _origin_element(origin: Origin) -> Any:
-    return _element("origin", xyz=origin.xyz, rpy=origin.rpy)
+def _set(**values: Any) -> str:
+    """Write attributes of texts, numbers and tuples of numbers; what is None is left out."""
+    given = {name: value for name, value in values.items() if value is not None}
+    return "".join(f' {name}="{_write(value)}"' for name, value in given.items())
 
 
-def _element(tag: str, /, *children: Any, **values: Any) -> Any:
-    """Make an element of texts, numbers and tuples of numbers; what is None is left out."""
-    element = etree.Element(tag)
-
-    for name, value in values.items():
-        if value is not None:
-            element.set(name, _attribute(value))
-
-    element.extend(children)
-    return element
-
-
-def _attribute(value: str | float | tuple[float, ...]) -> str:
+def _write(value: str | float | tuple[float, ...]) -> str:
     """Write a text, or numbers so that they are read to the last bit."""
     if isinstance(value, str):
-        return value
+        return escape(value, {'"': "&quot;"})
     if isinstance(value, tuple):
-        return " ".join(map(_attribute, value))
+        return " ".join(map(_write, value))
 
     text = f"{value:.15g}"
     return text if float(text) == value else repr(float(value))
