@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-import yaml
-
-from core.geometry import Array, Box, Cylinder, Pose, Shape, Sphere
+from core.geometry import Box, Cylinder, Shape, Sphere
 from core.scene import Scene
 from core.support.cli import write_bytes
 from core.support.templates import build_environment
@@ -33,75 +29,39 @@ def write_trajectory(robot: Robot, motion: Sampled, folder: Path) -> None:
 
 
 def write_scene(robot: Robot, scene: Scene, folder: Path) -> None:
-    """Write the scene, see `scene_message`.
+    """Write the bodies of a scene, as they are at the start, as a ``moveit_msgs/msg/PlanningScene`` that adds them.
+
+    Poses are in the frame of the arm's base.
 
     Raises:
         UserError: the file can't be written.
     """
-    message = scene_message(robot, scene)
-    text = yaml.safe_dump(message, sort_keys=False, default_flow_style=None, width=120)
+    objects = []
+    for body in scene.bodies:
+        primitives = []
+        meshes = []
+        for part in body.touched:
+            known = _find_primitive(part.shape)
+            if known is None:
+                meshes.append((part.shape.to_trimesh(), part.pose))
+            else:
+                primitives.append((*known, part.pose))
+
+        place = robot.base.inverse() @ body.pose
+        objects.append((body.name, place, primitives, meshes))
+
+    template = build_environment().from_string(text_of("scene.yaml.j2"))
+    text = template.render(root=robot.description.root, objects=objects)
     write_bytes(folder / "scene.yaml", text.encode())
 
 
-def scene_message(robot: Robot, scene: Scene) -> dict[str, Any]:
-    """Return the bodies of the scene, as they are at the start, as a ``moveit_msgs/msg/PlanningScene`` that adds them.
-
-    Poses are in the frame of the arm's base.
-    """
-    header = {"frame_id": robot.description.root}
-    objects = []
-    for body in scene.bodies:
-        pose = robot.base.inverse() @ body.pose
-        entry: dict[str, Any] = {
-            "id": body.name,
-            "header": dict(header),
-            "pose": _pose(pose),
-        }
-        for part in body.touched:
-            kind, data = _shape(part.shape)
-            poses = "mesh_poses" if kind == "meshes" else "primitive_poses"
-            entry.setdefault(kind, []).append(data)
-            entry.setdefault(poses, []).append(_pose(part.pose))
-
-        objects.append(entry)
-
-    return {
-        "is_diff": True,
-        "robot_state": {"is_diff": True},
-        "world": {"collision_objects": objects},
-    }
-
-
-def _shape(shape: Shape) -> tuple[str, dict[str, Any]]:
-    """Return a ``shape_msgs`` primitive or mesh, and the key of the message under which it stands."""
+def _find_primitive(shape: Shape) -> tuple[int, list[float]] | None:
+    """Return the type and the dimensions of a ``shape_msgs`` primitive; None: it is none."""
     if isinstance(shape, Box):
-        return "primitives", {"type": 1, "dimensions": _rounded(np.array(shape.size))}
+        return 1, list(shape.size)
     if isinstance(shape, Sphere):
-        return "primitives", {"type": 2, "dimensions": [shape.radius]}
+        return 2, [shape.radius]
     if isinstance(shape, Cylinder):
-        return "primitives", {"type": 3, "dimensions": [shape.length, shape.radius]}
+        return 3, [shape.length, shape.radius]
 
-    mesh = shape.to_trimesh()
-    triangles = [{"vertex_indices": face} for face in mesh.faces.tolist()]
-
-    return "meshes", {
-        "triangles": triangles,
-        "vertices": [_point(vertex) for vertex in mesh.vertices],
-    }
-
-
-def _pose(pose: Pose) -> dict[str, Any]:
-    w, x, y, z = _rounded(pose.quaternion)
-    return {
-        "position": _point(pose.position),
-        "orientation": {"x": x, "y": y, "z": z, "w": w},
-    }
-
-
-def _point(position: Array) -> dict[str, float]:
-    return dict(zip("xyz", _rounded(position), strict=True))
-
-
-def _rounded(values: Array) -> list[float]:
-    found: list[float] = np.round(values, 7).tolist()
-    return found
+    return None
