@@ -13,6 +13,7 @@ import numpy as np
 from core.geometry import Array, Mesh, Pose
 from core.robot.extents import Finger, fingers_of
 from core.robot.solids import corners, robot_solids
+from core.support.templates import macros
 from core.values.robots import Robot
 from plugins.results.workshop.mount import Mount
 from plugins.results.workshop.printing import Check
@@ -56,9 +57,8 @@ def on_finger(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
     clamp, bore = _clamp(finger, low, high, fit.insert_mm)
 
     lost = (solid ^ union(cavity)).volume() / solid.volume()
-    cut_away = f"{lost:.0%} of the attachment is cut away where the finger is"
+    words = macros("plugins.results.workshop", "words")
     stands = f"its wall stands {1000 * (gap + wall):.1f} mm before the inner face"
-    held = "a thread M3 is cut into" if fit.insert_mm <= CORE_MM else "1 insert M3 for"
 
     mend = "move the attachment beyond the fingertip, or make it wider than the finger"
     adding = (walls, clamp)
@@ -71,12 +71,12 @@ def on_finger(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
         adding=adding,
         taking=taking,
         checks=(
-            Check("finger", lost < MOST_LOST, cut_away, mend),
+            Check("finger", lost < MOST_LOST, words.cut_away(lost), mend),
             Check("sleeve", True, stands),
         ),
         hardware=(
             "1 x M3 x 8 set screw",
-            f"{held} a bore of {fit.insert_mm:g} mm",
+            words.sleeve_screw(fit.insert_mm, CORE_MM),
         ),
     )
 

@@ -11,6 +11,7 @@ from core.geometry import Array
 from core.interfaces import JointTrajectory, Recording, Robot
 from core.robot.kinematics import arm_of
 from core.solids.self_collision import DEEP_M
+from core.support.templates import macros
 from plugins.results.workshop.clearance import HZ, clearance
 from plugins.results.workshop.export import Export
 from plugins.results.workshop.motion import STEP_S, Sampled, approach, cut, sample
@@ -98,8 +99,8 @@ def check_way(export: Export, name: str, instant: int) -> Check:
     for row in clearance(export.scene, export.robot, tool, moving):
         least = -DEEP_M if row.to == "itself" else NEAR_M
         if row.metres < least:
-            gap_mm = max(0.0, 1000 * row.metres)
-            near = f"the {row.what} comes as near as {gap_mm:.0f} mm to {row.to}"
-            return Check(name, None, f"{near}: bring the arm by hand, slowly")
+            return Check(
+                name, None, macros("plugins.results.workshop", "words").near(row)
+            )
 
     return Check(name, True, "free, slow and straight in the joints")
