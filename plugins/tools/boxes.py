@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from itertools import chain
 from types import MappingProxyType
 from typing import Annotated, Any
@@ -51,7 +51,7 @@ def _lengths_of(kind: type[Primitive]) -> type[BaseModel]:
 _LENGTHS = {name: _lengths_of(kind) for name, kind in PRIMITIVES.items()}
 
 
-def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
+def _read_shape(item: JsonObject, where: str) -> tuple[Shape, Pose]:
     """Read a component's shape, which is centred on the component's frame.
 
     Raises:

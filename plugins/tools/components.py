@@ -116,7 +116,7 @@ def _component_of(keys: tuple[str, ...], *, joints: bool) -> type[WrittenCompone
 
 # Gets a component and words for its place; returns its shape, and the shape's pose in the frame that the component's
 # position and rpy give.
-ReadShape = Callable[[Mapping[str, Any], str], tuple[Shape, Pose]]
+ReadShape = Callable[[JsonObject, str], tuple[Shape, Pose]]
 
 
 class ComponentTools(VariedTools):
@@ -268,7 +268,7 @@ class ComponentTools(VariedTools):
     def _read_component(
         self,
         name: str,
-        item: Mapping[str, Any],
+        item: JsonObject,
         read_shape: ReadShape,
         mounts: tuple[str, ...],
     ) -> Component:
@@ -359,7 +359,7 @@ class ComponentTools(VariedTools):
         return {self.field: [_abridge(item) for item in self.dump(tool)[self.field]]}
 
 
-def _abridge(item: Mapping[str, Any]) -> JsonObject:
+def _abridge(item: JsonObject) -> JsonObject:
     """Write a component in short: without its colour, and what is as usual."""
     short = {}
 

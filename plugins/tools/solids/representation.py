@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from types import MappingProxyType
-from typing import Any
 
 from core.design import DesignError
 from core.geometry import KINDS, PRIMITIVES, Array, Box, Pose, Shape
@@ -36,7 +35,7 @@ class _Reader:
         self._triangles = 0
         self._parts = 0
 
-    def read(self, item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
+    def read(self, item: JsonObject, where: str) -> tuple[Shape, Pose]:
         """Read a tree; what is returned stands in for its shape."""
         node = self._reader.read(item.get("solid"), f"{where}: solid")
         self._trees[where] = node
@@ -52,7 +51,7 @@ class _Reader:
 
         return Box((1.0, 1.0, 1.0)), Pose()
 
-    def make(self, item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
+    def make(self, item: JsonObject, where: str) -> tuple[Shape, Pose]:
         try:
             shape, pose = make_shape(self._trees[where], MAX_PARTS - self._parts)
         except DesignError as error:
