@@ -486,16 +486,6 @@ class PhotoSpec(_Spec):
     camera: Annotated[CameraSpec | None, AfterValidator(_perspective)] = None
 
 
-def _read_picture(given: Any) -> Any:
-    """Read a name as a photograph without its camera."""
-    return {"file": given} if isinstance(given, str) else given
-
-
-Picture = Annotated[
-    PhotoSpec, BeforeValidator(_read_picture, json_schema_input_type=str | PhotoSpec)
-]
-
-
 class SceneSpec(_Spec):
     """A scene file."""
 
@@ -542,7 +532,7 @@ class SceneSpec(_Spec):
     success_reward: Annotated[float, Field(gt=0, le=1)] = 1.0
     home: HomeSpec = HomeSpec()
     camera: CameraSpec = Camera()
-    pictures: Annotated[tuple[Picture, ...], Field(max_length=MAX_PHOTOS)] = ()
+    pictures: Annotated[tuple[PhotoSpec, ...], Field(max_length=MAX_PHOTOS)] = ()
     variations: Annotated[
         dict[
             Name,
@@ -563,11 +553,24 @@ class SceneSpec(_Spec):
         return self
 
 
+def name_pictures(data: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Write a name among the pictures of a scene file's ``data`` as a photograph without its camera."""
+    pictures = data.get("pictures")
+    if not isinstance(pictures, list):
+        return data
+
+    named = [{"file": given} if isinstance(given, str) else given for given in pictures]
+    return {**data, "pictures": named}
+
+
 @cache
 def json_schema() -> dict[str, Any]:
     """Describe what a scene file may say as a JSON Schema, for editors and for models; ``keys.yaml`` has the words."""
     dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
     schema = SceneSpec.model_json_schema()
+    pictures = schema["properties"]["pictures"]
+    pictures["items"] = {"anyOf": [{"type": "string"}, pictures["items"]]}
+
     del schema["$defs"]["Also"]  # a model is told the keys of goals once
     also = schema["$defs"]["Goal"]["properties"]["also"]["anyOf"][0]
     also["items"] = {"$ref": "#/$defs/Goal"}

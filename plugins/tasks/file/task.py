@@ -84,7 +84,7 @@ class FileTask(Task):
 
     def _build(self, variation: str) -> None:
         """Build the scene and the goals, and check them."""
-        spec = self._tree.check(schema.SceneSpec, self._tree.data)
+        spec = self._read_spec(self._tree.data)
         home = spec.home
         self._scene = building.build_scene(self._tree, spec, self._files)
         varied = self._read_variations(spec)
@@ -125,6 +125,10 @@ class FileTask(Task):
         )
         for warning in self.warnings:
             warn_once(f"{self._tree.file}: {warning}")
+
+    def _read_spec(self, data: Mapping[str, Any]) -> schema.SceneSpec:
+        """Check what the file says, or the same with other numbers."""
+        return self._tree.check(schema.SceneSpec, schema.name_pictures(data))
 
     def _read_variations(self, spec: schema.SceneSpec) -> dict[str, copies.Values]:
         """Read the variations: what each path stands for, and its range.
@@ -225,7 +229,7 @@ class FileTask(Task):
             else:
                 holder[key] = number
 
-        spec = self._tree.check(schema.SceneSpec, data)
+        spec = self._read_spec(data)
         scene = building.build_scene(self._tree, spec, self._files)
         if not starts:
             return scene

@@ -129,10 +129,10 @@ class Tree:
             first = find_mistakes(kind, error)[0]
             raise self.error(first.where, first.problem, first.refusals) from error
 
-    def list_mistakes(self, kind: type) -> list[str]:
-        """List all that is wrong with the document as a type has it, a line for each; see `check`."""
+    def list_mistakes(self, kind: type, data: Mapping[str, Any]) -> list[str]:
+        """List all that is wrong with what `check` is given, a line for each."""
         try:
-            check_plain(kind, self.data)
+            check_plain(kind, data)
         except ValidationError as error:
             return [
                 str(self.error(mistake.where, mistake.problem))

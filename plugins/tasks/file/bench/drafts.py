@@ -25,7 +25,7 @@ from plugins.tasks.file.bench.mistakes import find_mistake
 from plugins.tasks.file.bench.photographs import Photograph
 from plugins.tasks.file.bench.scene_replies import LONGEST, Beside, read_reply
 from plugins.tasks.file.bench.views import LEAST_PLACES, Landmarks
-from plugins.tasks.file.spec import SceneSpec
+from plugins.tasks.file.spec import SceneSpec, name_pictures
 from plugins.tasks.file.task import FileTask
 from plugins.tasks.file.tree import Tree
 
@@ -146,7 +146,10 @@ class Draft:
             numbers = Numbers(tree, self.text)
             marks = numbers.marks
             told = {numbers.values[path] for path in marks if marks[path] == "told"}
-            self.faults = [*tree.list_mistakes(SceneSpec), *numbers.unmarked]
+            self.faults = [
+                *tree.list_mistakes(SceneSpec, name_pictures(tree.data)),
+                *numbers.unmarked,
+            ]
             for name, value in self.known.items():
                 if isinstance(value, float) and value not in told:
                     mend = "write that number, and mark it # told"
