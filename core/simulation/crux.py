@@ -21,9 +21,6 @@ PAUSE_S = 0.5
 NEAR_S = 0.1
 """What touched a body within this time of the last touch is named for it."""
 
-SLOW_M_S = 0.02
-"""What is slower rests."""
-
 _KINDS = ("tool", "arm", "body")  # of contacts: what is named first
 
 

@@ -262,12 +262,9 @@ class Player:
             return Outcome(None, None, error=self.error)
 
         schedule = self.schedule
-        noted = sorted({schedule.settle, *schedule.marks})
-        arm, fingers, states = worlds.read(
-            number, [self._notes[done] for done in noted]
-        )
-        steps = np.array(noted)
-        start = states[noted.index(schedule.settle)]
+        noted = [schedule.settle, *schedule.measures, schedule.count]
+        arm, _, states = worlds.read(number, [self._notes[done] for done in noted])
+        start = states[0]
         end = states[-1]
         if not all(np.isfinite(array).all() for array in end.arrays[:3]):
             error = "the simulation blew up: a body's state is not finite"
@@ -275,17 +272,13 @@ class Player:
 
         recording = None
         if len(schedule.samples):
-            sampled = np.searchsorted(steps, schedule.samples)
-            recording = self._develop(
-                worlds, number, (arm[sampled], fingers[sampled], states[sampled])
-            )
+            recording = self._develop(worlds, number)
 
-        measured = np.searchsorted(steps, schedule.measures)
         reactions = schedule.job.reactions
         return Outcome(
             start,
             end,
-            schedule.measure_lag(arm[measured]),
+            schedule.measure_lag(arm[1:-1]),
             recording=recording,
             felt=reactions.felt if reactions else (),
             looked=reactions.looked if reactions else (),
@@ -293,15 +286,13 @@ class Player:
             time_step=schedule.time_step,
         )
 
-    def _develop(
-        self, worlds: Worlds, number: int, seen: tuple[Array, Array, State]
-    ) -> Recording:
-        """Make the recording of what was seen at its samples."""
+    def _develop(self, worlds: Worlds, number: int) -> Recording:
+        """Make the recording of one of the worlds."""
         schedule = self.schedule
         notes = [self._notes[sample] for sample in schedule.samples.tolist()]
         instants = schedule.instants[schedule.samples]
         loads = worlds.loads(number, notes)
-        recording = Recording(instants, *seen, loads=loads)
+        recording = Recording(instants, *worlds.read(number, notes), loads=loads)
         if not schedule.job.forces:
             return recording
 
@@ -342,12 +333,6 @@ class Alone(Worlds):
 
     def restore(self) -> None:
         self._world.restore()
-
-
-def begin_motion(world: World) -> State:
-    """Begin the motion, and return the state there."""
-    world.launch()
-    return world.state()
 
 
 def refuse_targets(job: Rollout) -> Outcome | None:

@@ -23,7 +23,6 @@ from core.interfaces import Image, Order, Task, ToolRepresentation, World
 from core.plugins import SIMULATOR
 from core.robot.kinematics import arm_of
 from core.scene import State
-from core.simulation.playback import begin_motion
 from core.support.text import shorten
 from core.task import reward_of
 from plugins.gym.environment.film import SETTLE_S, Film
@@ -161,7 +160,8 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         world = self.simulator.world(self.task, self.tool, self._layout)
         self._world = world
         self._drive(world, self._joints, self._fingers, SETTLE_S)
-        self._start = begin_motion(world)
+        world.launch()
+        self._start = world.state()
         try:
             self._earned, _ = self._judge(world, self._start)
         except ValueError as error:
