@@ -293,8 +293,9 @@ def place_solids(
     # The bounding boxes, on the way to the next sample too.
     middles = positions + rotate(rotations, solids.middles[numbers])
     extents = rotate(np.abs(rotations), solids.halves[numbers])
-    low = middles - extents
-    high = middles + extents
+    # In memory the axis comes first: NumPy reduces contiguous instants far faster.
+    low = np.moveaxis((middles - extents).transpose(2, 0, 1).copy(), 0, 2)
+    high = np.moveaxis((middles + extents).transpose(2, 0, 1).copy(), 0, 2)
     np.minimum(low[:, :-1], low[:, 1:], out=low[:, :-1])
     np.maximum(high[:, :-1], high[:, 1:], out=high[:, :-1])
     low -= aside[..., None]
