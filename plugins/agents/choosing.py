@@ -29,24 +29,21 @@ def choose_run(folder: Path | None, words: Sequence[str]) -> list[str]:
     Raises:
         UsageError: words of another model or strategy, or the folder holds another run.
     """
-    resumed = [word for word in words if word.startswith("resume=")]
-    if resumed:
+    given = {word.partition("=")[0]: word for word in words}
+    if "resume" in given:
         if folder is not None:
-            raise UsageError(f"{resumed[0]}: leave folder={folder} away")
+            raise UsageError(f"{given['resume']}: leave folder={folder} away")
         return list(words)
 
-    chosen = list(words)
     for key, value in CHOSEN.items():
-        given = [word for word in words if word.startswith(f"{key}=")]
-        if any(word != f"{key}={value}" for word in given):
-            raise UsageError(f"{given[0]}: an agent drives this run; leave {key} away")
-        if not given:
-            chosen.append(f"{key}={value}")
+        if given.get(key, f"{key}={value}") != f"{key}={value}":
+            raise UsageError(
+                f"{given[key]}: an agent drives this run; leave {key} away"
+            )
 
-    for key, value in USUAL.items():
-        if not any(word.startswith(f"{key}=") for word in words):
-            chosen.append(f"{key}={value}")
-
+    defaults = CHOSEN | USUAL
+    missing = [f"{key}={defaults[key]}" for key in defaults if key not in given]
+    chosen = [*words, *missing]
     if folder is None:
         return chosen
     if StoredRun(folder).exists and StoredRun(folder).config():

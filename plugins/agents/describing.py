@@ -102,10 +102,10 @@ class Told:
         """Write a line for each candidate, as prompts do for the last round."""
         lines = []
         for evaluation in evaluations:
-            reason = self.clean(evaluation.why_nothing)
-            what = f": {reason}" if reason else ""
-            name = f"{evaluation.candidate.id} {number(evaluation.reward, 3)}"
-            lines.append(f"- {name}{what}")
+            line = f"- {evaluation.candidate.id} {number(evaluation.reward, 3)}"
+            if evaluation.why_nothing:
+                line += f": {self.clean(evaluation.why_nothing)}"
+            lines.append(line)
         return "\n".join(lines)
 
 

@@ -145,11 +145,9 @@ def _describe_links(robot: Robot, gripper: bool, home: Pose) -> str:
         home: pose of the end-effector.
     """
     rows = []
-    for name, (lows, highs) in extents_at_home(robot, gripper, home).items():
-        cells = [name]
-        for low, high in zip(lows, highs, strict=True):
-            cells.append(f"{short_number(low, 3)} to {short_number(high, 3)}")
-        rows.append(tuple(cells))
+    for name, extent in extents_at_home(robot, gripper, home).items():
+        spans = [short_numbers(span, 3, " to ") for span in zip(*extent, strict=True)]
+        rows.append((name, *spans))
 
     return table(("link", "x", "y", "z"), rows)
 

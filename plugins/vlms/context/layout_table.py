@@ -68,10 +68,7 @@ def _write_row(bodies: Sequence[Body], worded: bool) -> tuple[str, ...]:
 
     lows, highs = bounds_in_world(bodies)
 
-    extents = [
-        f"{short_number(low, 3)} to {short_number(high, 3)}"
-        for low, high in zip(lows, highs, strict=True)
-    ]
+    extents = [short_numbers(span, 3, " to ") for span in zip(lows, highs, strict=True)]
 
     mass = "fixed"
     if first.mass:

@@ -142,11 +142,8 @@ def find_unplanned(
         return []
 
     goals = numbered(task.goals)
-    unplanned = []
-    for number, goal in goals.items():
-        if not any(number in numbers for numbers in planned):
-            unplanned.append(goal.in_short())
-
+    left = goals.keys() - set().union(*planned)
+    unplanned = [goals[number].in_short() for number in sorted(left)]
     if not unplanned and {*goals} not in planned:
         unplanned.append("all goals with one tool")
 
