@@ -476,7 +476,7 @@ def _printed_table(figures: dict[str, Any]) -> str:
         "## Printed in PLA",
         "",
         "Pieces, hours and grams of filament of the model's tools on a Prusa MK4, and the reward when they weigh and",
-        "bends as PLA. A tool that bends too far or breaks is refused. One that is too large has no pieces that fit",
+        "bend as PLA. A tool that bends too far or breaks is refused. One that is too large has no pieces that fit",
         "the plate.",
         "",
         "| task | printing | it earns |",

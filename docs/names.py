@@ -14,7 +14,7 @@ import re
 from collections import defaultdict
 from pathlib import Path
 
-from docs.tables import figure_table, goal_tables, refusal_table, shape_table
+from docs.tables import goal_tables, refusal_table, shape_table
 
 ROOT = Path(__file__).parent.parent
 BEGIN = "<!-- names: python docs/names.py -->\n"
@@ -82,7 +82,6 @@ WRITTEN = {
     "api": listing,
     "scene_types": shape_table,
     "scene_goals": goal_tables,
-    "settings": figure_table,
     "refusals": refusal_table,
 }
 """What is written on each page of docs."""

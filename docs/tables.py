@@ -1,4 +1,4 @@
-"""Write the tables of pages that follow from the code, as Markdown: kinds of shapes, kinds of goals, figures, codes."""
+"""Write the tables of pages that follow from the code, as Markdown: kinds of shapes, kinds of goals, codes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from pathlib import Path
 from core import geometry, goals
 from core.errors import Reason
 from core.goals import Goal, Limit, Reach
-from core.simulation.measuring import BUILT_IN
 from core.support import inputs  # noqa: F401  # has codes
 
 ROOT = Path(__file__).parent.parent
@@ -69,15 +68,6 @@ def _key_rows() -> Iterator[tuple[str, str]]:
 
     for key, known in meanings.items():
         yield f"`{key}`", "; or: ".join(known)
-
-
-def figure_table() -> str:
-    """Write a row for each figure that core measures of a rollout."""
-    rows = [
-        (f"`{name}`", _sentence(figure.measure).removeprefix("Return "))
-        for name, figure in BUILT_IN.items()
-    ]
-    return write_table(("figure", ""), rows)
 
 
 def refusal_table() -> str:
