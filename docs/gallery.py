@@ -360,7 +360,7 @@ def _rounds(figures: dict[str, Any]) -> str:
         "",
         "The two tools that failed went back to the model with what the program had observed, and nothing else.",
         "A model that had seen no other round answered each round with three designs; you see the best.",
-        "Room is the least margin to a limit, in MuJoCo: at 100 % all are far, below 0 % one is exceeded.",
+        "Room is the least margin to a limit, in MuJoCo: 100 % is far from all of them, below 0 % one is exceeded.",
         "",
     ]
     for task in sorted(figures):
