@@ -11,7 +11,7 @@ try:
         from sapien import physx
 except ImportError as error:
     raise UserError(
-        f"sim=sapien needs SAPIEN: pip install 'sapien>=3.0.3' ({error})"
+        f"sim=sapien needs SAPIEN: pip install 'sapien>=3.0.3,<3.1' ({error})"
     ) from error
 
 # It warns of missing graphics; errors are raised anyway.
