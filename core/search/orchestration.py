@@ -198,8 +198,6 @@ def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
         if overrides or store.result is None or store.result.stopped is not None:
             config, left = take_stored(config, folder, overrides)
         cfg = changed(config, left)
-        if not _has_ended(store, cfg):
-            store.overrides = overrides
         _go_on(store, folder, cfg)
     finally:
         store.run_ended()

@@ -58,7 +58,6 @@ def run_patiently(
     if not patience_s >= 0:
         raise UsageError(f"patience_s must be 0 or greater, got {patience_s}")
 
-    overrides = () if store is None else store.overrides
     left_s = patience_s
     wait_s = FIRST_WAIT_S
     come: int | None = None  # what was stored after the last wait
@@ -68,7 +67,6 @@ def run_patiently(
             if has_waited:
                 store = RunStore.open(folder)
             if has_waited and store is not None:
-                store.overrides = overrides
                 stored = len(store.past.replies) + len(store.past.trials)
                 if come is not None and stored > come:
                     left_s = patience_s

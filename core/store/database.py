@@ -39,7 +39,6 @@ _FILES = (
     "lessons.json*",
     "scene.png",
     "recording*.rrd",
-    "task.*",
 )
 _FOLDERS = (".hydra", "requests", "replies", "best")
 

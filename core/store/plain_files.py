@@ -1,4 +1,4 @@
-"""Write the plain files beside a run's store: requests, replies, the text of a task."""
+"""Write the plain files beside a run's store: requests and replies."""
 
 from __future__ import annotations
 
@@ -6,10 +6,8 @@ import json
 from pathlib import Path
 
 from core.designs.composer import as_markdown
-from core.errors import UserError
-from core.interfaces import Picture, Request, Task
-from core.store.rows import MAX_BYTES
-from core.support.files import read_untrusted, write_whole, writing
+from core.interfaces import Picture, Request
+from core.support.files import write_whole
 from core.support.secrets import scrub
 
 
@@ -33,25 +31,6 @@ def write_request(folder: Path, request: Request) -> None:
     if request.asks_designs:
         schema = json.dumps(request.schema, indent=2)
         write_text(requests / f"{request.id}.schema.json", schema)
-
-
-def keep_task(folder: Path, task: Task) -> None:
-    """Keep the text of a task that is no program.
-
-    Raises:
-        UserError: it is not what it was when the run began.
-    """
-    if task.language == "python":
-        return
-
-    file = folder / f"task.{task.language}"
-    text = scrub(task.source())
-    with writing(folder):
-        if not file.exists():
-            write_text(file, text)
-        elif read_untrusted(file, MAX_BYTES) != text.encode():
-            what = f"the file of the task {task.name} has changed since the run in {folder} began"
-            raise UserError(f"{what}; put it back from {file}, or begin a new run")
 
 
 def _as_text(request: Request) -> str:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 import logging
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from core.hooks import hookimpl
 from core.interfaces import Reply, Request
 from core.store import columns
 from core.store.database import FILE, SCHEMA_VERSION, Database
-from core.store.plain_files import keep_task, write_request, write_text
+from core.store.plain_files import write_request, write_text
 from core.store.reader import StoredRun
 from core.store.run_figures import report, versions
 from core.store.stored_progress import StoredProgress, digest_request
@@ -51,12 +50,10 @@ class RunStore:
         past: what was stored when the store was opened.
         result: the last outcome; None: the run has neither ended nor been stopped.
         seconds: the time that earlier sessions took.
-        overrides: what the command line changed of the configuration on resume; stored as a note.
     """
 
     def __init__(self, database: Database) -> None:
         self.folder = database.folder
-        self.overrides: Sequence[str] = ()
         stored = StoredRun(database.folder, database.table)
         self.config = stored.config()
         self.result = stored.result()
@@ -111,16 +108,13 @@ class RunStore:
         self._began = time.monotonic()
         found = versions()
         self._warn_of_changes(found)
-        keep_task(self.folder, run.task)
         database = self._database
         with database.transaction():
             for request, agent in self.past.again.items():
                 database.forget_reply(request, *agent)
             database.add(
                 "sessions",
-                began=datetime.now(UTC).isoformat(timespec="seconds"),
                 seconds=0.0,
-                overrides=[*self.overrides],
                 versions=found,
             )
             # A session that is killed leaves no result of an earlier one behind.

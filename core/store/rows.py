@@ -245,8 +245,6 @@ class StoredSession:
     """A start of the run, or a resume."""
 
     seconds: Amount
-    began: Id
-    overrides: Json[list[str]]
     versions: Json[dict[str, str]]
 
 

@@ -1,8 +1,7 @@
 -- The tables of run.sqlite. docs/store.md explains their columns.
 CREATE TABLE IF NOT EXISTS run (schema_version INTEGER NOT NULL, config TEXT NOT NULL, result TEXT);
 CREATE TABLE IF NOT EXISTS sessions (
-    number INTEGER PRIMARY KEY, began TEXT NOT NULL, seconds REAL NOT NULL, overrides TEXT NOT NULL,
-    versions TEXT NOT NULL
+    number INTEGER PRIMARY KEY, seconds REAL NOT NULL, versions TEXT NOT NULL
 );
 CREATE TABLE IF NOT EXISTS requests (
     id TEXT PRIMARY KEY, generation INTEGER NOT NULL, agent INTEGER NOT NULL, gripper INTEGER NOT NULL,

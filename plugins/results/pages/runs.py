@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-import yaml
 from filelock import FileLock, Timeout
 
 from core.errors import UserError
@@ -226,7 +225,7 @@ def read_run(folder: Path) -> AnyRun:
 
     if figures is None:
         why = _progress(folder, store)
-        return LeftOutRun(folder, "unfinished", why, _task(folder, config), config)
+        return LeftOutRun(folder, "unfinished", why, _task(config), config)
 
     if figures.stopped is not None:
         why = short(f"stopped: {figures.stopped}")
@@ -254,22 +253,15 @@ def short(text: str) -> str:
     return clean(text, _LONGEST)
 
 
-def _task(folder: Path, config: dict[str, Any]) -> str:
-    """Name the task of a run without a result; one of a scene file is named as the run's copy says."""
-    for task in (_read_copy(folder / "task.yaml"), config.get("task")):
-        match task:
-            case {"name": str(name)}:
-                return short(name)
+def _task(config: dict[str, Any]) -> str:
+    """Name the task of a run without a result."""
+    match config.get("task"):
+        case {"file": str(file)}:
+            return short(Path(file).stem)
+        case {"name": str(name)}:
+            return short(name)
 
     return ""
-
-
-def _read_copy(file: Path) -> Any:
-    """Read the copy of a scene file, in which nothing is resolved or merged; None: it can't be read."""
-    try:
-        return yaml.load(read_untrusted(file, MAX_BYTES), yaml.CBaseLoader)  # noqa: S506
-    except (UserError, yaml.YAMLError, ValueError, RecursionError):
-        return None
 
 
 def is_held(folder: Path) -> bool:

@@ -109,7 +109,7 @@ def test_a_statement_that_fails_is_one_line_too(tmp_path):
         database.execute("SELECT * FROM songs")
 
 
-@pytest.mark.parametrize("name", [FILE, "task.yaml", "replies/g0-a0.txt"])
+@pytest.mark.parametrize("name", [FILE, "replies/g0-a0.txt"])
 def test_a_pipe_in_a_run_folder_is_not_waited_for_on_resume(tmp_path, name):
     """Whoever opened it would wait without end."""
     folder = write_run(tmp_path / "run")

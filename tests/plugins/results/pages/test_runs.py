@@ -1,6 +1,5 @@
 """What is read of run folders, and what is not: finished, failed, unfinished, broken."""
 
-import itertools
 import os
 import shutil
 import subprocess
@@ -72,27 +71,13 @@ def test_a_run_in_which_nothing_could_be_tried_failed(tmp_path):
     )
 
 
-def test_a_copy_of_a_scene_file_is_read_within_limits(tmp_path):
-    folder = write_run(tmp_path / "run", rewards=[[0.3]], finish=False)
-    laughs = "a: &a [x,x,x,x,x,x,x,x,x]\n"
-    laughs += "".join(
-        f"{b}: &{b} [{','.join([f'*{a}'] * 9)}]\n"
-        for a, b in itertools.pairwise("abcdefghi")
-    )
-    for text in ("[" * 5000, "- 1", "\x00", "a: {", "name: x\n" * 50_000):
-        (folder / "task.yaml").write_text(text)
-        assert read_run(folder).task == "BringCube"
-    (folder / "task.yaml").write_text(f"{laughs}name: far\n")
-    assert read_run(folder).task == "far"
-
-
-@pytest.mark.parametrize("name", ["run.sqlite", "run.sqlite-wal", "task.yaml"])
+@pytest.mark.parametrize("name", ["run.sqlite", "run.sqlite-wal"])
 def test_a_pipe_in_a_strangers_folder_is_not_waited_for(tmp_path, name):
-    folder = write_run(tmp_path / "run", finish=name != "task.yaml")
+    folder = write_run(tmp_path / "run")
     (folder / name).unlink(missing_ok=True)
     os.mkfifo(folder / name)
     (run,) = find_runs([tmp_path])[1]
-    assert run.status == ("unfinished" if name == "task.yaml" else "unreadable")
+    assert run.status == "unreadable"
 
 
 def test_a_store_that_is_none(tmp_path):
