@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 from core.errors import UserError
@@ -13,7 +12,8 @@ from core.hooks import hookimpl
 from core.store.rows import Best
 from core.store.run_figures import best_figures
 from core.support.cli import say
-from core.support.text import clean, number
+from core.support.templates import fill
+from core.support.text import clean
 
 _LONGEST = 300  # letters of why a tool can't be made
 DIFFERENT = 0.1  # between the rewards of two engines: the user is told at once
@@ -36,41 +36,21 @@ class Announcer:
 
 
 def print_best(best: Best, folder: Path) -> None:
-    """Print the best candidate of the run in a folder."""
-    figures = [f"best reward {number(best.reward, 3)}"]
-    if best.reason:
-        figures[0] += f" ({best.reason})"
-    figures += _warn_of_engine(best)
-    figures += _warn_of_making(best)
-    if best.distance_m is not None:  # of joined plans it is not known
-        figures.append(f"distance {best.distance_m:.2f} m")
+    """Print the best candidate of the run in a folder, and what speaks against it.
 
-    figures.append(f"candidate {best.candidate}")
-    say(", ".join(figures), str(folder / "best"))
-
-
-def _warn_of_engine(best: Best) -> Iterator[str]:
-    """Say what the best candidate earned in a second engine, where that differs much: one of the two may be wrong."""
-    other = best.second_engine
-    if other is None or abs(other.reward - other.here) <= DIFFERENT:
-        return
-
-    there = number(other.reward, 3)
-    here = (
-        "" if other.here == best.reward else f" where it earned {number(other.here, 3)}"
+    That is a second engine in which it earns much else, since one of the two may be wrong, and that its tool can't be
+    made.
+    """
+    figures = fill(
+        "core.search",
+        "best",
+        best=best,
+        other=best.second_engine,
+        different=DIFFERENT,
+        making=best.making,
+        problem=clean(best.making.problem, _LONGEST) if best.making else "",
     )
-    yield f"but {there} in {other.engine}{here}"
-
-
-def _warn_of_making(best: Best) -> Iterator[str]:
-    """Say why the tool of the best candidate can't be made, if so, and which candidate's can."""
-    making = best.making
-    if making is None or making.possible is not False:
-        return
-
-    problem = clean(making.problem, _LONGEST)
-    other = f"; {best.makeable} can" if best.makeable else ""
-    yield f"but it can't be built and run ({problem}{other})"
+    say(figures, str(folder / "best"))
 
 
 def report_end(result: Result, folder: Path) -> None:

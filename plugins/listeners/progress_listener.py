@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 from core.hooks import hookimpl
 from core.plugins import installed
+from core.support.cli import say
 from core.support.progress_display import Step, busy
-from core.support.text import count_words, number, visible
+from core.support.text import count_words, number
 from core.trial import Evaluation
 
 if TYPE_CHECKING:
@@ -27,9 +29,6 @@ class ProgressListener:
     """Writes to standard error, so that standard output stays free for results."""
 
     def __init__(self) -> None:
-        from rich.console import Console
-
-        self._console = Console(stderr=True)
         self._open = ExitStack()
         self._step: Step | None = None
         self._population = 0
@@ -42,24 +41,20 @@ class ProgressListener:
     @hookimpl
     def run_started(self, run: Run) -> None:
         self._population = run.budget.population
-        parts = [
-            f"{kind}={name}"
-            for kind, name in run.parts.items()
-            if kind not in ("fitness", "material")  # which need a word each
-        ]
-        self._print(f"{' '.join(parts)} seed={run.seed}", style="bold")
-        self._print(f"model: {run.model}")
-        self._print(_explain_fitness(run))
-        self._print(_explain_material(run))
+        # Imported here, since each command's start asks for this class's settings.
+        from core.support.templates import fill
 
-        generations = run.budget.n_iteration + 1
-        size = f"{count_words(generations, 'generation')} of up to {self._population} candidates"
-        refined = run.config.get("evolution", {}).get("refine", 0)
-        if refined:
-            size += f", then {refined} of refinement"
-
-        self._print(size)
-        self._print(f"folder: {run.folder}")
+        fitness = installed().factory("fitness", run.parts["fitness"])
+        header = fill(
+            "plugins.listeners",
+            "header",
+            run=run,
+            fitness=(inspect.getdoc(fitness) or "").partition("\n")[0],
+            material=run.representation.material,
+            generations=count_words(run.budget.n_iteration + 1, "generation"),
+            refined=run.config.get("evolution", {}).get("refine", 0),
+        )
+        say(*header.splitlines(), file=sys.stderr)
 
     @hookimpl
     def generation_started(self, index: int) -> None:
@@ -115,40 +110,19 @@ class ProgressListener:
             if count:
                 counts += f", {count} {status}"
 
-        self._print(f"generation {generation.index}  {rewards}  ({counts})")
+        say(f"generation {generation.index}  {rewards}  ({counts})", file=sys.stderr)
 
     @hookimpl(tryfirst=True)
     def run_finished(self, run: Run, result: Result) -> None:
         self._stop()
         rollouts = count_words(result.rollouts, "rollout")
-        self._print(f"{rollouts}; the run took {result.wall_time_s:.0f} s")
+        took = f"{rollouts}; the run took {result.wall_time_s:.0f} s"
+        say(took, file=sys.stderr)
 
     @hookimpl
     def run_ended(self) -> None:
         self._stop()
 
-    def _print(self, line: str, style: str | None = None) -> None:
-        self._console.print(
-            visible(line), style=style, markup=False, highlight=False, soft_wrap=True
-        )
-
     def _stop(self) -> None:
         self._open.close()
         self._step = None
-
-
-def _explain_fitness(run: Run) -> str:
-    """Say what a candidate is judged by: the name of the fitness, and the first line that its plugin says of it."""
-    name = run.parts["fitness"]
-    said = inspect.getdoc(installed().factory("fitness", name)) or ""
-    return f"fitness={name}: {said.partition(chr(10))[0]}"
-
-
-def _explain_material(run: Run) -> str:
-    """Say what tools are made of."""
-    material = run.representation.material
-    words = "no real one: tools weigh what their designs say, as in the paper"
-    if material.density_kg_m3 is not None:
-        words = f"{material.density_kg_m3:g} kg/m³, {material.filling}"
-
-    return f"material={material.name}: {words}"
