@@ -248,23 +248,40 @@ class ModelDesigner:
         for agent in team.agents:
             brief, temperature = self.brief(generation, agent, team, tried)
             scene = self.pictures.get(brief.gripper, ())
-            messages = self.prompts.compose(
-                brief, scene, strips, schema=not self.vlm.takes_schema
-            )
             name = f"g{generation}-a{agent}"
-            schema = answer_schema(brief)
             requests.append(
-                Request(
-                    name,
-                    brief,
-                    messages,
-                    schema,
-                    temperature,
-                    needs_pictures=not self.prompts.facts.level.numbers,
-                )
+                self.request(name, brief, temperature, self.prompts, scene, strips)
             )
 
         return requests
+
+    def request(
+        self,
+        name: str,
+        brief: Brief,
+        temperature: float,
+        prompts: PromptComposer,
+        pictures: Sequence[Picture] = (),
+        strips: Mapping[str, Picture] | None = None,
+    ) -> Request:
+        """Compose the request of a brief.
+
+        Args:
+            name: its id.
+            brief: the agent's assignment.
+            temperature: of the model.
+            prompts: composes the messages.
+            pictures: of the scene.
+            strips: film strips by candidates' ids.
+        """
+        return Request(
+            name,
+            brief,
+            prompts.compose(brief, pictures, strips, schema=not self.vlm.takes_schema),
+            answer_schema(brief),
+            temperature,
+            needs_pictures=not self.prompts.facts.level.numbers,
+        )
 
     def follow_ups(self, request: Request, elite: Evaluation | None) -> list[Request]:
         """Compose the requests that follow an answer with ``elite`` to a request; here there are none."""

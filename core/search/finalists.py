@@ -258,15 +258,7 @@ class Race:
             return ranking[0]
 
         leader, other = ranking[:2]
-        first = len(self._drawn)
-        last = self.draw(first + MOST)
-        step = self.width // 2
-
-        for number in range(first, last, step):
-            if self.spent >= limit:
-                break
-            self._try_in([leader, other], range(number, min(number + step, last)))
-
+        self._try_further([leader, other], limit)
         return _pick_of_two(leader, other, self.tie)
 
     def _put_first(self, alike: Sequence[Evaluation]) -> list[Evaluation]:
@@ -338,14 +330,20 @@ class Race:
             winner: a runner.
             limit: no more are tried once so many rollouts are `spent`.
         """
+        first = self._try_further([winner], limit)
+        return winner.finals.count_held(first)
+
+    def _try_further(self, group: Sequence[Evaluation], limit: float) -> int:
+        """Try runners side by side in layouts that were not drawn before; return the number of the first of these."""
         first = len(self._drawn)
         last = self.draw(first + MOST)
-        for number in range(first, last, self.width):
+        step = self.width // len(group)
+        for number in range(first, last, step):
             if self.spent >= limit:
                 break
-            self._try_in([winner], range(number, min(number + self.width, last)))
+            self._try_in(group, range(number, min(number + step, last)))
 
-        return winner.finals.count_held(first)
+        return first
 
     def choose(self, result: Result, rollouts: int) -> Result:
         """Return the result with the winner of a search in which something was tried, with about so many rollouts.

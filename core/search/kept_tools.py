@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from core.design import Candidate, DesignError, Tool
-from core.designs.schema import answer_schema
 from core.designs.start import SpawnRules
 from core.errors import UsageError
 from core.interfaces import VLM, GivenTools, Request, Task, ToolRepresentation
@@ -114,9 +113,7 @@ def _request_plans(asker: ModelDesigner, candidate: Candidate) -> Request:
         n_tool=1,
         n_action=assignment.budget.n_action,
     )
-    messages = asker.prompts.compose(brief)
-
-    return Request(f"g0-a{agent}", brief, messages, answer_schema(brief), temperature)
+    return asker.request(f"g0-a{agent}", brief, temperature, asker.prompts)
 
 
 def _make_planner() -> VLM:

@@ -15,7 +15,6 @@ import numpy as np
 
 from core.design import Candidate, Tool
 from core.designs.composer import PromptComposer
-from core.designs.schema import answer_schema
 from core.interfaces import (
     ActionPlan,
     ActionRepresentation,
@@ -335,22 +334,10 @@ class MultitaskDesigner(ModelDesigner):
             seed=int(rng.integers(2**31)),
         )
 
-        messages = self.plan_prompts[task.name].compose(
-            for_task,
-            self.plan_pictures[task.name].get(for_task.gripper, ()),
-            schema=not self.vlm.takes_schema,
-        )
-
         name = f"g{brief.generation}-a{brief.agent}-s{tool.design}-t{number}"
-
-        return Request(
-            name,
-            for_task,
-            messages,
-            answer_schema(for_task),
-            temperature,
-            needs_pictures=not self.prompts.facts.level.numbers,
-        )
+        pictures = self.plan_pictures[task.name].get(for_task.gripper, ())
+        prompts = self.plan_prompts[task.name]
+        return self.request(name, for_task, temperature, prompts, pictures)
 
 
 def _has_tool(evaluation: Evaluation, candidate: Candidate) -> bool:
