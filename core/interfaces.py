@@ -443,11 +443,6 @@ class EvolutionStrategy(ABC):
         self.designer = designer
         self.budget = budget
 
-    @classmethod
-    def observes(cls, settings: Mapping[str, Any]) -> bool:
-        """Report whether a strategy with these settings needs observations of rollouts (`Evaluation.observation`)."""
-        return False
-
     def write_archive(
         self,
         ranking: Sequence[Evaluation],

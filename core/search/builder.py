@@ -20,7 +20,6 @@ from core.interfaces import (
     Budget,
     Condition,
     Estimate,
-    EvolutionStrategy,
     Fitness,
     Reply,
     Request,
@@ -29,7 +28,6 @@ from core.interfaces import (
 )
 from core.plugins import (
     ACTION,
-    EVOLUTION,
     FITNESS,
     SIMULATOR,
     PluginPart,
@@ -98,7 +96,7 @@ def build_designer(
     # Plans for a known tool are shown with what was observed of them, too.
     asks_for_plans = assignment.given is not None or builder.asks_for_plans
     shown = asks_for_plans or cfg.prompt.critic or cfg.prompt.feedback != "paper"
-    if (shown and vlm.sees) or _strategy_observes(cfg):
+    if shown and vlm.sees:
         settings = replace(settings, observe=True)
 
     fitness = builder.build_fitness(cfg, settings)
@@ -205,17 +203,6 @@ def _read_budget(cfg: DictConfig) -> Budget:
         )
 
     return budget
-
-
-def _strategy_observes(cfg: DictConfig) -> bool:
-    """Report whether the strategy needs observations.
-
-    That is settled before it is made, since the fitness is made first.
-    """
-    strategy = part(EVOLUTION, cfg.evolution)
-    observes = strategy.declared("observes", EvolutionStrategy.observes)
-
-    return bool(observes(dict(strategy.settings)))
 
 
 def builder_for(task: PluginPart[Task]) -> SearchBuilder:

@@ -19,7 +19,6 @@ from plugins.fitness.perturbation_range import PerturbationRange
 from plugins.fitness.robustness import Perturbation
 from plugins.fitness.several import Combine, mean, score_by_worst_engine, worst_quarter
 
-MARGIN_SHARE = 0.1  # of a reward, with ``combine=margin``
 # Of tool and bodies, beside what a layout draws; it says where bodies are.
 WEAR = PerturbationRange(position=0.0, yaw=0.0, size=0.01)
 UNSEEN = 1_000_000  # the first seed of the layouts that no search sees; the same ones for all runs
@@ -29,10 +28,6 @@ _MOST_SEED = UNSEEN - 1_000  # of a run, whose designer and finalists see some m
 
 COMBINE: dict[str, tuple[Combine, str]] = {
     "mean": (mean, "the mean of its rewards"),
-    "margin": (
-        mean,
-        f"the mean of its rewards, of each of which a share of {MARGIN_SHARE:g} is for the least margin",
-    ),
     "worst": (min, "its lowest reward"),
     "worst_quarter": (worst_quarter, "the mean of the lowest quarter of its rewards"),
 }
@@ -45,8 +40,7 @@ class Layouts(Fitness):
     Args:
         condition: the task, how plans are executed, and the first layout; the others' seeds follow it.
         layouts: how many there are; each costs a rollout in each engine.
-        combine: ``mean``, ``worst`` or ``worst_quarter`` of the rewards; ``margin``: the mean, of which a share is for
-            the least margin.
+        combine: ``mean``, ``worst`` or ``worst_quarter`` of the rewards.
         sims: see `core.config.compose.engines`; none: the run's engine.
         unseen: how many other layouts the best candidate is tried in at the end; of few benches at most half of those
             that the search leaves.
@@ -94,17 +88,13 @@ class Layouts(Fitness):
         self._seeds = range(condition.layout, condition.layout + layouts)
         self._choose_seeds(unseen)
         self._combine, self._counts = COMBINE[combine]
-        self._weighs_margins = combine == "margin"
         self.races = combine == "mean"
 
     def conditions(self) -> list[Condition]:
         return self._in_layouts(self._seeds, self._sims)
 
     def score(self, candidate: Candidate, trials: Sequence[Trial]) -> Score:
-        rewards = [
-            _weigh(trial) if self._weighs_margins else trial.reward for trial in trials
-        ]
-        return score_by_worst_engine(trials, self._combine, "layout", rewards)
+        return score_by_worst_engine(trials, self._combine, "layout")
 
     def _in_layouts(
         self, seeds: Sequence[int], sims: Mapping[str, Part[Simulator]]
@@ -161,15 +151,6 @@ class Layouts(Fitness):
         first = len(left) - kept
         self._finals = left[:first]
         self._unseen = [UNSEEN + (seed - UNSEEN) % count for seed in left[first:]]
-
-
-def _weigh(trial: Trial) -> float:
-    """Give a tenth of a reward for the least margin: all of it where that is far from the limit."""
-    if not trial.margins:
-        return trial.reward
-
-    least = min(margin.margin for margin in trial.margins)
-    return trial.reward * (1 - MARGIN_SHARE * (1 - max(least, 0.0)))
 
 
 def _are_alike(task: Task, seed: int) -> bool:

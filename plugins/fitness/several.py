@@ -26,7 +26,6 @@ def score_by_worst_engine(
     trials: Sequence[Trial],
     combine: Combine = mean,
     word: str = "change",
-    rewards: Sequence[float] | None = None,
 ) -> Score:
     """Combine the rewards in each engine, and take the engine where that is the lowest.
 
@@ -37,23 +36,21 @@ def score_by_worst_engine(
         trials: of a candidate; one that was rejected or failed counts 0.
         combine: makes one number of an engine's rewards.
         word: what the warnings call a trial.
-        rewards: what counts of each trial; None: its reward.
     """
-    counted = [trial.reward for trial in trials] if rewards is None else rewards
     by_engine: dict[str, list[int]] = {}
     for number, trial in enumerate(trials):
         by_engine.setdefault(trial.engine, []).append(number)
 
     combined: dict[str, float] = {}
     for engine, numbers in by_engine.items():
-        combined[engine] = combine([counted[number] for number in numbers])
+        combined[engine] = combine([trials[number].reward for number in numbers])
 
     worst = min(combined, key=lambda engine: combined[engine])
 
     succeeded = [n for n, trial in enumerate(trials) if trial.status == "ok"]
     in_worst = [n for n in succeeded if trials[n].engine == worst]
     candidates = in_worst or succeeded or by_engine[worst][:1]
-    shown = min(candidates, key=lambda n: (counted[n], _least_margin(trials[n])))
+    shown = min(candidates, key=lambda n: (trials[n].reward, _least_margin(trials[n])))
 
     warnings: list[str] = []
     if trials[shown].status == "ok":

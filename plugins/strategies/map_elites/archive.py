@@ -177,14 +177,6 @@ def read_measures(written: Sequence[str | Mapping[str, Any]]) -> tuple[Measure, 
     return tuple(found.values())
 
 
-def needs_observations(written: object) -> bool:
-    """Report whether one of the measures, as written, needs observations of rollouts."""
-    items = written if isinstance(written, Sequence) else ()
-    return "touch" in [
-        item.get("name") if isinstance(item, Mapping) else item for item in items
-    ]
-
-
 class Archive:
     """The tried candidates by cell: a bin of each of the measures. All are kept, and the best of a cell is its elite.
 

@@ -5,7 +5,7 @@ J.-B. Mouret and J. Clune, "Illuminating search spaces by mapping elites", 2015.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,6 @@ from core.interfaces import Budget, Designer, EvolutionStrategy, ToolRepresentat
 from core.trial import Evaluation, best_first, best_tools
 from plugins.strategies.map_elites.archive import (
     Archive,
-    needs_observations,
     read_measures,
     save_archive,
 )
@@ -46,10 +45,6 @@ class MapElites(EvolutionStrategy):
         super().__init__(designer, budget)
         self._archive = Archive(read_measures(measures))
         self._generation = 0
-
-    @classmethod
-    def observes(cls, settings: Mapping[str, Any]) -> bool:
-        return needs_observations(settings.get("measures"))
 
     def write_archive(
         self,

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Annotated, Any, Protocol, cast
+from typing import Annotated, Any, cast
 
 import numpy as np
 
@@ -18,10 +18,9 @@ from core.interfaces import (
     Budget,
     Designer,
     EvolutionStrategy,
-    Numbers,
     ToolRepresentation,
 )
-from core.plugins import EVOLUTION, installed
+from core.plugins import EVOLUTION
 from core.search.assignment import AsksTeams
 from core.trial import BY_REWARD, Evaluation, best_first, best_tools, rank
 from plugins.strategies.refined.moves import move
@@ -34,19 +33,7 @@ MORE = 0.3  # the chance of another move in the same candidate
 TRIES = 20  # draws for a candidate that keeps the rules
 
 
-class Varies(Protocol):
-    """What varies the numbers of candidates (`plugins.strategies.refined.variation.Variation`)."""
-
-    def parameters(self, candidate: Candidate) -> Numbers: ...
-
-    def vary(
-        self, candidate: Candidate, values: Array, key: tuple[int, int, int, int]
-    ) -> Candidate: ...
-
-    def toward(self, candidate: Candidate, other: Candidate) -> Array | None: ...
-
-
-class Refinement(EvolutionStrategy):
+class Refined(EvolutionStrategy):
     """After the generations of another strategy, refine its best candidates.
 
     The best candidates of different tools start side by side, each with a search of its own: a (1 + 12) evolution
@@ -56,18 +43,30 @@ class Refinement(EvolutionStrategy):
     after 120 the best one.
 
     Args:
-        strategy: gives the first generations.
-        variation: varies the candidates.
-        rollouts: the number of candidates that are tried here.
+        designer: asks the model for candidates; a `core.search.assignment.AsksTeams`.
+        budget: see `core.interfaces.EvolutionStrategy`.
+        of: the strategy that gives the first generations: a name, or a mapping of a ``name`` and settings.
+        rollouts: the number of candidates that are tried in the refinement, at no cost in model calls.
+
+    Raises:
+        UserError: ``rollouts`` is below 1, or the other strategy can't be used.
     """
 
+    refines = True
+
     def __init__(
-        self, strategy: EvolutionStrategy, variation: Varies, rollouts: int
+        self,
+        designer: Designer,
+        budget: Budget,
+        of: Annotated[str | dict[str, Any], PartsOf("evolution")] = "vlmgineer",
+        rollouts: int = 240,
     ) -> None:
-        super().__init__(strategy.designer, strategy.budget)
-        self.learns = strategy.learns
-        self._strategy = strategy
-        self._variation = variation
+        super().__init__(designer, budget)
+        check_positive("evolution.", rollouts=rollouts)
+        (named,) = read_parts(EVOLUTION, [of]).values()
+        self._strategy = named.create(designer=designer, budget=budget)
+        self.learns = self._strategy.learns
+        self._variation = Variation(cast(AsksTeams, designer).assignment)
         self._rollouts = rollouts
         self._earlier: list[Evaluation] = []
         self._searches: list[NumberSearch] | None = None  # until the other has ended
@@ -141,45 +140,6 @@ class Refinement(EvolutionStrategy):
         return searches
 
 
-class Refined(Refinement):
-    """Refine the best candidates of another strategy (`Refinement`).
-
-    Args:
-        designer: asks the model for candidates; a `core.search.assignment.AsksTeams`.
-        budget: see `core.interfaces.EvolutionStrategy`.
-        of: the strategy that gives the first generations: a name, or a mapping of a ``name`` and settings.
-        rollouts: the number of candidates that are tried in the refinement, at no cost in model calls.
-
-    Raises:
-        UserError: ``rollouts`` is below 1, or the other strategy can't be used.
-    """
-
-    refines = True
-
-    def __init__(
-        self,
-        designer: Designer,
-        budget: Budget,
-        of: Annotated[str | dict[str, Any], PartsOf("evolution")] = "vlmgineer",
-        rollouts: int = 240,
-    ) -> None:
-        check_positive("evolution.", rollouts=rollouts)
-        (named,) = read_parts(EVOLUTION, [of]).values()
-        inner = named.create(designer=designer, budget=budget)
-        variation = Variation(cast(AsksTeams, designer).assignment)
-        super().__init__(inner, variation, rollouts)
-
-    @classmethod
-    def observes(cls, settings: Mapping[str, Any]) -> bool:
-        inner = settings.get("of", "vlmgineer")
-        given = {"name": inner} if isinstance(inner, str) else inner
-        if "name" not in given:  # told when the strategy is made
-            return super().observes(settings)
-
-        strategy = installed().factory("evolution", str(given["name"]))
-        return bool(getattr(strategy, "observes", super().observes)(given))
-
-
 class NumberSearch:
     """The search that begins at one evaluation; ``number`` stands in its candidates' ids as that of an agent.
 
@@ -193,7 +153,7 @@ class NumberSearch:
     def __init__(
         self,
         number: int,
-        variation: Varies,
+        variation: Variation,
         start: Evaluation,
         earned: Sequence[Candidate],
     ) -> None:

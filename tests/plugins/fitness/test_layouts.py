@@ -40,7 +40,7 @@ def fitness(condition=WIDE, **settings):
         ({"unseen": -1}, "fitness.unseen must be at least 0, got -1"),
         (
             {"combine": "median"},
-            "no way to combine rewards 'median' in fitness.combine .*possible: margin, mean, worst, worst_q",
+            "no way to combine rewards 'median' in fitness.combine .*possible: mean, worst, worst_q",
         ),
         ({"sims": ["bullet"]}, "no sim 'bullet'"),
     ],
@@ -83,20 +83,6 @@ def test_it_combines_the_rewards_of_the_layouts_from_the_runs_seed_on():
     poor = combined_figures(mean, WIDE.task.shared())["poor_layouts"]
     assert [layout["layout"] for layout in poor] in ([3, 4], [4, 3])
     assert all(0.85 <= layout["cube.x"] <= 1.05 for layout in poor)
-
-
-def test_a_tenth_of_a_reward_may_be_for_the_least_margin():
-    task = replace(WIDE, task=PluginPart("task", "MoveBall", (("variation", "wide"),)))
-    (weighed,) = judged(fitness(task, layouts=2, combine="margin"), STAY)
-    counted = []
-    for trial in weighed.trials:
-        least = min((margin.margin for margin in trial.margins), default=1.0)
-        counted.append(trial.reward * (0.9 + 0.1 * max(least, 0.0)))
-    assert weighed.reward == pytest.approx(np.mean(counted))
-    assert (
-        "a share of 0.1 is for the least margin"
-        in fitness(combine="margin").instructions()
-    )
 
 
 @given(rewards=st.lists(st.floats(0, 1), min_size=1, max_size=40))

@@ -23,7 +23,6 @@ from plugins.strategies.map_elites.archive import (
     Measure,
     find_front,
     measure_extent,
-    needs_observations,
     read_measures,
     save_archive,
 )
@@ -146,16 +145,6 @@ def test_measures_are_names_or_have_bounds_of_their_own():
 def test_wrong_measures(written, message):
     with pytest.raises(UsageError, match=message):
         read_measures(written)
-
-
-def test_only_touches_need_observations():
-    assert needs_observations(["mass", {"name": "touch", "bins": 5}])
-    assert not any(
-        map(
-            needs_observations,
-            (None, 3, "mass", [3], [[1]], ["mass"], [{1: 2, "name": "mass"}]),
-        )
-    )
 
 
 # --- what is handed over ----------------------------------------------------------------------------------------

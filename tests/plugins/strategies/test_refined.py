@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -14,14 +15,16 @@ from core.plugins import installed
 from core.search.experiment import Experiment
 from core.search.orchestration import resume
 from plugins.conformance.evaluations import tried_once
-from plugins.strategies.refined.strategy import Refined, Refinement
+from plugins.strategies.refined.strategy import Refined
 
 BUDGET = Budget(1, 3, 1, 0, 5, 0.0)
 GOAL = np.array([0.3, -0.1, 0.2, 0.0, 0.0, 0.0])
 
 
 class Plans:
-    """A designer whose tools have plans of one waypoint."""
+    """A designer whose tools have plans of one waypoint, and what varies these."""
+
+    assignment = None
 
     def __init__(self, offsets=(0.1, 0.2, 0.3, 0.4, 0.5)):
         self.offsets = offsets
@@ -59,10 +62,9 @@ def earned(candidate):
 def search(rollouts, designer=None, earns=earned):
     """The rewards of each generation, and the candidates' ids."""
     designer = designer or Plans()
-    inner = installed().create(
-        "evolution", "sampling", designer=designer, budget=BUDGET
-    )
-    strategy, generations = Refinement(inner, designer, rollouts), []
+    generations = []
+    with patch("plugins.strategies.refined.strategy.Variation", lambda _: designer):
+        strategy = Refined(designer, BUDGET, "sampling", rollouts)
     while strategy.has_generation(len(generations), BUDGET):
         candidates = list(strategy.ask())
         generations.append(
@@ -145,13 +147,6 @@ def test_rollouts_that_mean_nothing(rollouts, wrong):
         installed().create(
             "evolution", "refined", settings, designer=Plans(), budget=BUDGET
         )
-
-
-@pytest.mark.parametrize(("measure", "observed"), [("touch", True), ("mass", False)])
-def test_rollouts_are_observed_where_the_other_strategy_needs_it(measure, observed):
-    inner = {"name": "map_elites", "measures": [measure]}
-    assert Refined.observes({"of": inner}) is observed
-    assert not Refined.observes({})
 
 
 @pytest.mark.thorough
