@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import importlib.util
 import os
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -47,7 +46,7 @@ def find_usage(main: str) -> str:
 
 @contextmanager
 def contained(doing: str = "") -> Iterator[None]:
-    """Contain what a plugin's code does as it is loaded: it ends no command, and takes no module out of reach.
+    """Contain what a plugin's code does as it is loaded: it ends no command.
 
     What it raises that is no `Exception` becomes one. An interrupt of the user stays what it is.
 
@@ -57,7 +56,6 @@ def contained(doing: str = "") -> Iterator[None]:
     Raises:
         Contained: of what would have ended the program without a word, or in another's name.
     """
-    folders = sys.path.copy()
     try:
         with _kept_alive(), busy(doing, PATIENCE_S) if doing else nullcontext():
             yield
@@ -69,12 +67,6 @@ def contained(doing: str = "") -> Iterator[None]:
         raise Contained(in_line(error)) from error
     except BaseException as error:
         raise Contained(in_line(error)) from error
-    finally:
-        missing = [folder for folder in folders if folder not in sys.path]
-        sys.path.extend(missing)
-
-    if missing:
-        raise Contained("it takes folders out of sys.path, where this program's lie")
 
 
 @contextmanager

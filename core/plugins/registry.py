@@ -29,7 +29,6 @@ from core.values.materials import PAPER, Material
 from core.values.printers import MK4, Printer
 
 Settings = Mapping[str, Any] | None
-_MOST_OFFERS = 10_000  # of a hook
 _NAME = re.compile(r"\w[\w.-]{0,99}")
 T = TypeVar("T")
 
@@ -121,8 +120,6 @@ class Plugins:
             try:
                 with contained(f"asking the plugin {name} of {distribution}"):
                     offers = [_read_offer(hook.name, offered) for offered in hook()]
-                if all(impl.wrapper for impl in hook.get_hookimpls()):
-                    fail(f"hook {hook.name!r} wraps nothing: plugins are asked alone")
                 for offered in offers:
                     if isinstance(offered, str):
                         check_configs(offered)
@@ -254,15 +251,12 @@ def _read_offer(hook: str, offered: Any) -> str | dict[str, Any]:
     """Return what a hook gave: parts by their names, or where configs are.
 
     Raises:
-        ValueError: it is neither, or too much to be meant.
+        ValueError: it is neither.
     """
     if hook == "config_path":
         return str(offered)
 
     parts = dict(offered)
-    if len(parts) > _MOST_OFFERS:
-        raise ValueError(f"it offers {len(parts):,} parts, of at most {_MOST_OFFERS:,}")
-
     for name, factory in parts.items():
         if not isinstance(name, str) or not _NAME.fullmatch(name):
             raise ValueError(

@@ -129,22 +129,18 @@ def check_name(group: str, name: str) -> str:
     Raises:
         UserError: it can't be a name, or is taken.
     """
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or keyword.iskeyword(name):
+    snake = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
+    is_word = keyword.iskeyword(name) or keyword.iskeyword(snake)
+    if is_word or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         raise UsageError(
-            f"{name!r} can't be a name: letters, digits and underscores are possible, a letter first"
+            f"{name!r} can't be a name: letters, digits and underscores are possible, a letter first, and no word of "
+            "Python's"
         )
 
-    snake = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
     taken = installed().offers.get((group, name))
-
     if taken is not None:
         raise UsageError(
             f"{group} {name!r} is taken: {taken.distribution} offers it; choose another name"
-        )
-
-    if keyword.iskeyword(snake):
-        raise UsageError(
-            f"{name!r} can't be a name: {snake!r} is a word of Python's; choose another name"
         )
 
     return snake
