@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.errors import UserError
-from core.store.rows import MAX_BYTES, TABLES, Row, check_row, find_fault
+from core.store.rows import MAX_BYTES, TABLES, Row, check_row
 from core.support.files import file_mark, unwritable, writing
 from core.support.sandbox import isolated
 from core.support.secrets import scrub_all
@@ -56,6 +56,18 @@ MOST_S = 600.0  # for a statement
 _LOOK = 100_000  # SQLite's steps between two looks at the clock, some milliseconds
 _MADE = re.compile(r"CREATE (TABLE|(UNIQUE )?INDEX) ", re.IGNORECASE)
 _COMPUTED = (2, 3)  # how SQLite marks generated columns
+
+# What evaluations refer to and is not there, in words.
+_LOOSE_ENDS = """
+SELECT 'evaluations: ' || candidate || ' has no row in designs' FROM evaluations AS e
+WHERE status = 'ok' AND NOT EXISTS (
+    SELECT 1 FROM designs AS d WHERE d.generation = e.generation AND d.agent = e.agent AND d.design = e.design
+)
+UNION ALL
+SELECT 'evaluations: trial ' || tried.value || ' of ' || candidate || ' has no row in trials'
+FROM evaluations, json_each(json_extract(details, '$.trials', '$.finals')) AS kind, json_each(kind.value) AS tried
+WHERE tried.value NOT IN (SELECT number FROM trials)
+"""
 
 _dump = partial(json.dumps, default=float)  # an engine's numbers may be numpy's
 
@@ -136,19 +148,13 @@ def reading(folder: Path, *, check: bool = True) -> Iterator[sqlite3.Connection]
 
 
 def check_alone(_: bytes, folder: str) -> bytes:
-    """Read each table of a store whole, as its readers do, in a process of its own that has limits.
+    """Check a store whole in a process of its own that has limits.
 
     Raises:
         UserError: a table can't be read, or not within these.
     """
     with reading(Path(folder), check=False) as database:
-        _refuse_programs(database)
-        for table in TABLES:
-            try:
-                rows = [check_row(table, row) for row in _rows(database, table)]
-            except ValueError as error:
-                raise UserError(f"can't be read: {table}: {error}") from error
-            del rows
+        _check(database, Path(folder) / FILE)
 
     return b"sound"
 
@@ -198,8 +204,15 @@ def _check(database: sqlite3.Connection, file: Path) -> None:
     if found != "ok":
         raise sqlite3.DatabaseError(found)
 
-    fault = find_fault(partial(_rows, database))
-    if fault is not None:
+    for table in TABLES:
+        for row in _rows(database, table):
+            try:
+                check_row(table, row)
+            except ValueError as error:
+                fault = f"row {row['row_number']} of {table}: {error}"
+                raise sqlite3.DatabaseError(fault) from error
+
+    for (fault,) in database.execute(_LOOSE_ENDS):
         raise sqlite3.DatabaseError(fault)
 
 

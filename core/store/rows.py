@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import partial
 from typing import Annotated, Any, Literal, NamedTuple, NotRequired
@@ -433,42 +433,3 @@ def check_row(table: str, row: Row) -> Any:
                 f"{name}: has {len(value):,} characters, of at most {most:,}"
             )
     return TABLES[table](columns)
-
-
-def find_fault(read: Callable[[str], Iterable[Row]]) -> str | None:
-    """Say what is wrong with the rows of a store; None: nothing.
-
-    Args:
-        read: returns the rows of a table, each with its ``row_number``.
-    """
-    referring: list[tuple[str, Key | None, list[int]]] = []
-    designs = set[Key]()
-    numbers = set[int]()
-    # Evaluations first: a run that goes on adds what they refer to before.
-    for table in sorted(TABLES, key=lambda name: name != "evaluations"):
-        for row in read(table):
-            try:
-                checked = check_row(table, row)
-            except ValueError as error:
-                return f"row {row['row_number']} of {table}: {error}"
-
-            if table == "designs":
-                designs.add(checked.key)
-            elif table == "trials":
-                numbers.add(row["number"])
-            elif table == "evaluations":
-                key = checked.design_key if checked.status == "ok" else None
-                details = checked.details
-                trials = [*details.trials, *details.finals]
-                referring.append((checked.candidate, key, trials))
-
-    for candidate, key, trials in referring:
-        if key is not None and key not in designs:
-            return f"evaluations: {candidate} has no row in designs"
-        for number in trials:
-            if number not in numbers:
-                return (
-                    f"evaluations: trial {number} of {candidate} has no row in trials"
-                )
-
-    return None
