@@ -11,14 +11,17 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from functools import partial
 from itertools import chain, islice
-from typing import Generic, Protocol, Self, TypeVar, runtime_checkable
+from typing import Annotated, Generic, Protocol, Self, TypeVar, runtime_checkable
 
-from core.errors import Fault, UsageError, check_positive, fault
+from pydantic import Field, FiniteFloat
+
+from core.errors import Fault, fault
 from core.interfaces import CHUNK
 from core.support.threads import merge
 
 A = TypeVar("A")
 B = TypeVar("B")
+Positive = Annotated[FiniteFloat, Field(gt=0)]
 
 
 @runtime_checkable
@@ -141,18 +144,6 @@ def dispatch(
             yield result
     finally:
         supply.stop()
-
-
-def check_limits(workers: int | None, timeout_s: float | None) -> None:
-    """Check two settings that executors share; None: default, or no limit.
-
-    Raises:
-        UsageError: one is too small.
-    """
-    if workers is not None and workers < 1:
-        raise UsageError(f"executor.workers must be at least 1, got {workers}")
-    if timeout_s is not None:
-        check_positive("executor.", timeout_s=timeout_s)
 
 
 def cores() -> int:

@@ -22,12 +22,14 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any, TypeVar
 
-from core.errors import RAISED, Fault, UserError, check_positive
+from pydantic import PositiveInt
+
+from core.errors import RAISED, Fault, UserError
 from core.interfaces import Executor
 from core.support.memory import release_memory
 from core.support.scratch import scratch, use_scratch
 from plugins.executors.dispatch import (
-    check_limits,
+    Positive,
     cores,
     dispatch,
     portable,
@@ -61,14 +63,10 @@ class LocalExecutor(Executor):
 
     def __init__(
         self,
-        workers: int | None = None,
-        timeout_s: float | None = 300.0,
-        memory_mb: int | None = 4096,
+        workers: PositiveInt | None = None,
+        timeout_s: Positive | None = 300.0,
+        memory_mb: PositiveInt | None = 4096,
     ) -> None:
-        check_limits(workers, timeout_s)
-        if memory_mb is not None:
-            check_positive("executor.", memory_mb=memory_mb)
-
         self.workers = workers if workers is not None else cores()
         self._choose = workers is None  # the number may follow the engine
         self._timeout_s = timeout_s

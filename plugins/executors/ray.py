@@ -14,12 +14,14 @@ from contextlib import contextmanager, suppress
 from functools import cache, partial
 from typing import Annotated, Any, TypeVar
 
-from core.errors import RAISED, Fault, UsageError, UserError, check_positive
+from pydantic import Field, FiniteFloat, NonNegativeInt, PositiveInt
+
+from core.errors import RAISED, Fault, UsageError, UserError
 from core.hooks import Names
 from core.interfaces import Executor
 from core.support.scratch import scratch, use_scratch
 from plugins.executors.dispatch import (
-    check_limits,
+    Positive,
     cores,
     dispatch,
     portable,
@@ -53,18 +55,12 @@ class RayExecutor(Executor):
     def __init__(
         self,
         address: Annotated[str | None, Names("host")] = None,
-        workers: int | None = None,
-        num_cpus: float = 1.0,
-        num_gpus: float = 0.0,
-        retries: int = 2,
-        timeout_s: float | None = 300.0,
+        workers: PositiveInt | None = None,
+        num_cpus: Positive = 1.0,
+        num_gpus: Annotated[FiniteFloat, Field(ge=0)] = 0.0,
+        retries: NonNegativeInt = 2,
+        timeout_s: Positive | None = 300.0,
     ) -> None:
-        check_limits(workers, timeout_s)
-        if retries < 0:
-            raise UsageError(f"executor.retries must be 0 or greater, got {retries}")
-        check_positive("executor.", num_cpus=num_cpus)
-        if not 0 <= num_gpus < math.inf:
-            raise UsageError(f"executor.num_gpus must be 0 or greater, got {num_gpus}")
         # Or it starts a cluster where it has lost one.
         os.environ.setdefault("RAY_ENABLE_AUTO_CONNECT", "0")
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")

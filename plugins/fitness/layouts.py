@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
+from pydantic import NonNegativeInt, PositiveInt
+
 from core.config.compose import engines
 from core.design import Candidate
 from core.errors import UsageError, choices
@@ -53,16 +55,12 @@ class Layouts(Fitness):
     def __init__(
         self,
         condition: Condition,
-        layouts: int = 5,
+        layouts: PositiveInt = 5,
         combine: Harmless[str] = "mean",
         sims: Annotated[list[str | dict[str, Any]], PartsOf("sim")] = [],  # noqa: B006 - read as a configuration's default
-        unseen: int = 20,
+        unseen: NonNegativeInt = 20,
         unseen_sims: Annotated[list[str | dict[str, Any]], PartsOf("sim")] = [],  # noqa: B006
     ) -> None:
-        if layouts < 1:
-            raise UsageError(f"fitness.layouts must be at least 1, got {layouts}")
-        if unseen < 0:
-            raise UsageError(f"fitness.unseen must be at least 0, got {unseen}")
         if condition.layout + layouts > _MOST_SEED:
             raise UsageError(
                 f"seed and fitness.layouts together must be at most {_MOST_SEED}; those after are unseen"

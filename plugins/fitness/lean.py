@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
+from pydantic import NonNegativeInt, PositiveInt
+
 from core.design import Candidate
 from core.errors import UsageError
 from core.hooks import PartsOf
@@ -31,9 +33,9 @@ class Lean(Layouts):
         self,
         condition: Condition,
         references: dict[str, list[float | None]] = {},  # noqa: B006 - read as a configuration's default
-        layouts: int = 5,
+        layouts: PositiveInt = 5,
         sims: Annotated[list[str | dict[str, Any]], PartsOf("sim")] = [],  # noqa: B006
-        unseen: int = 20,
+        unseen: NonNegativeInt = 20,
         unseen_sims: Annotated[list[str | dict[str, Any]], PartsOf("sim")] = [],  # noqa: B006
     ) -> None:
         super().__init__(condition, layouts, "mean", sims, unseen, unseen_sims)

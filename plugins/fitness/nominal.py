@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from pydantic import NonNegativeInt
+
 from core.design import Candidate
-from core.errors import UsageError
 from core.interfaces import Condition, Fitness, Score, Trial
 from plugins.fitness.perturbation_range import PerturbationRange
 from plugins.fitness.robustness import Perturbation
@@ -20,16 +21,11 @@ class Nominal(Fitness):
     Args:
         condition: the task, its layout, its engine, and how plans are executed.
         changes: of the scene, with how many candidates that earn alike are tried; these decide between them.
-
-    Raises:
-        UsageError: a negative number.
     """
 
     finals_check = True
 
-    def __init__(self, condition: Condition, changes: int = 16) -> None:
-        if changes < 0:
-            raise UsageError(f"fitness.changes must be at least 0, got {changes}")
+    def __init__(self, condition: Condition, changes: NonNegativeInt = 16) -> None:
         self._condition = condition
         self._changes = changes
 

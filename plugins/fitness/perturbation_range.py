@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from typing import Annotated
 
-from core.errors import UsageError
+from pydantic import Field, FiniteFloat
+
+Length = Annotated[FiniteFloat, Field(ge=0)]
+Fraction = Annotated[float, Field(ge=0, lt=1)]
 
 
 @dataclass(unsafe_hash=True)
@@ -16,28 +19,10 @@ class PerturbationRange:
     fractions of the nominal value. The defaults are 5 mm and 3 degrees, as bodies are placed by hand or located by a
     camera; a tenth of the mass; and a fifth of the friction, which is known least. ``size``: a fraction of all lengths
     of the tool, whose own friction changes then too.
-
-    Raises:
-        UsageError: a number is negative or not finite, or a fraction is 1 or more.
     """
 
-    position: float = 0.005
-    yaw: float = 0.05
-    mass: float = 0.1
-    friction: float = 0.2
-    size: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name, most in (
-            ("position", math.inf),
-            ("yaw", math.inf),
-            ("mass", 1.0),
-            ("friction", 1.0),
-            ("size", 1.0),
-        ):
-            value = getattr(self, name)
-            if not 0 <= value < most:
-                less = f" and less than {most:g}" if most < math.inf else ", and finite"
-                raise UsageError(
-                    f"perturbation.{name} must be 0 or greater{less}, got {value}"
-                )
+    position: Length = 0.005
+    yaw: Length = 0.05
+    mass: Fraction = 0.1
+    friction: Fraction = 0.2
+    size: Fraction = 0.0

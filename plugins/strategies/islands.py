@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import cast
 
+from pydantic import PositiveInt
+
 from core.design import Candidate
-from core.errors import UsageError, check_positive
+from core.errors import UsageError
 from core.hooks import Harmless, hookimpl
 from core.interfaces import Budget, Designer, EvolutionStrategy
 from core.search.assignment import AsksTeams, Team
@@ -37,24 +39,20 @@ class Islands(EvolutionStrategy):
         styles: texts that are added to the prompts, one for each island in turn.
 
     Raises:
-        UsageError: a number is too small, there are more islands than agents, or no style.
+        UsageError: there are more islands than agents, or no style.
     """
 
     def __init__(
         self,
         designer: Designer,
         budget: Budget,
-        islands: int = 2,
-        migrate: int = 2,
-        patience: int = 3,
+        islands: PositiveInt = 2,
+        migrate: PositiveInt = 2,
+        patience: PositiveInt = 3,
         warmth: float = 0.25,
         styles: Harmless[list[str]] = STYLES,
     ) -> None:
         super().__init__(designer, budget)
-        check_positive(
-            "evolution.", islands=islands, migrate=migrate, patience=patience
-        )
-
         if islands > budget.n_agent:
             raise UsageError(
                 f"evolution.islands is {islands}, but budget.n_agent is {budget.n_agent}; each needs one"

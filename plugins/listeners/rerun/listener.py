@@ -6,9 +6,11 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from core.errors import check_positive, in_line
+from pydantic import Field, FiniteFloat
+
+from core.errors import in_line
 from core.hooks import hookimpl
 from core.support.cli import say
 from core.support.progress_display import busy
@@ -29,8 +31,7 @@ class RerunListener:
         hz: frames per simulated second.
     """
 
-    def __init__(self, hz: float = 25.0) -> None:
-        check_positive("listener.rerun.", hz=hz)
+    def __init__(self, hz: Annotated[FiniteFloat, Field(gt=0)] = 25.0) -> None:
         self._hz = hz
         self._writers: list[Writer] = []
 

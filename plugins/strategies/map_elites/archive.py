@@ -9,10 +9,10 @@ import csv
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from pydantic import ConfigDict
+from pydantic import ConfigDict, Field, FiniteFloat
 from pydantic.dataclasses import dataclass
 
 from core.design import Tool
@@ -44,24 +44,19 @@ class Measure:
         measure.bin(evaluation)  # 2 for a tool of 0.25 kg
 
     Raises:
-        UsageError: the bounds are not finite and in order, or there are too few or too many bins.
+        UsageError: the bounds are not in order.
     """
 
     name: str
-    lower: float
-    upper: float
-    bins: int
+    lower: FiniteFloat
+    upper: FiniteFloat
+    bins: Annotated[int, Field(ge=1, le=MAX_BINS)]
 
     def __post_init__(self) -> None:
-        if not -np.inf < self.lower < self.upper < np.inf:
+        if not self.lower < self.upper:
             bounds = f"from {self.lower:g} to {self.upper:g}"
             raise UsageError(
                 f"evolution.measures: {self.name} goes {bounds}; lower must be less than upper"
-            )
-
-        if not 1 <= self.bins <= MAX_BINS:
-            raise UsageError(
-                f"evolution.measures: {self.name} needs 1 to {MAX_BINS} bins, got {self.bins}"
             )
 
     def bin(self, evaluation: Evaluation) -> int:

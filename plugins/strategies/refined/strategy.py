@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Annotated, Any, cast
 
 import numpy as np
+from pydantic import PositiveInt
 
 from core.config.compose import read_parts
 from core.design import Candidate
-from core.errors import check_positive
 from core.geometry import Array
 from core.hooks import PartsOf
 from core.interfaces import (
@@ -49,7 +49,7 @@ class Refined(EvolutionStrategy):
         rollouts: the number of candidates that are tried in the refinement, at no cost in model calls.
 
     Raises:
-        UserError: ``rollouts`` is below 1, or the other strategy can't be used.
+        UserError: the other strategy can't be used.
     """
 
     refines = True
@@ -59,10 +59,9 @@ class Refined(EvolutionStrategy):
         designer: Designer,
         budget: Budget,
         of: Annotated[str | dict[str, Any], PartsOf("evolution")] = "vlmgineer",
-        rollouts: int = 240,
+        rollouts: PositiveInt = 240,
     ) -> None:
         super().__init__(designer, budget)
-        check_positive("evolution.", rollouts=rollouts)
         (named,) = read_parts(EVOLUTION, [of]).values()
         self._strategy = named.create(designer=designer, budget=budget)
         self.learns = self._strategy.learns

@@ -36,8 +36,11 @@ def fitness(condition=WIDE, **settings):
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"layouts": 0}, "fitness.layouts must be at least 1, got 0"),
-        ({"unseen": -1}, "fitness.unseen must be at least 0, got -1"),
+        ({"layouts": 0}, "setting 'layouts' can't be 0: must be greater than 0"),
+        (
+            {"unseen": -1},
+            "setting 'unseen' can't be -1: must be greater than or equal to 0",
+        ),
         (
             {"combine": "median"},
             "no way to combine rewards 'median' in fitness.combine .*possible: mean, worst, worst_q",

@@ -8,7 +8,7 @@ from core.config.compose import load, part
 from core.design import Candidate, Tool
 from core.errors import UsageError
 from core.interfaces import Condition, Score, Trial, Waypoints
-from plugins.fitness.nominal import Nominal
+from core.plugins import FITNESS, installed
 from plugins.fitness.perturbation_range import PerturbationRange
 from plugins.fitness.robustness import Perturbation
 from tests.support.playing import Named
@@ -41,5 +41,5 @@ def test_those_that_earn_alike_are_tried_in_as_many_changed_scenes_as_are_asked_
         ]
         assert len({where.where for where in finals} | {condition.where}) == changes + 1
 
-    with pytest.raises(UsageError, match=r"fitness.changes must be at least 0, got -1"):
-        Nominal(condition, -1)
+    with pytest.raises(UsageError, match="setting 'changes' can't be -1"):
+        installed().create(FITNESS, "nominal", {"changes": -1}, condition=condition)

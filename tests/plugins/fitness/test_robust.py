@@ -69,7 +69,7 @@ def test_the_prompt_says_what_counts():
         ({"name": "robust", "seeds": []}, "seeds must be one or more different numbers"),
         ({"name": "robust", "seeds": [1, 1]}, "seeds must be one or more different numbers"),
         ({"name": "robust", "seeds": [-1]}, "seeds must be one or more different numbers"),
-        ({"name": "robust", "perturbation": {"mass": 2}}, "perturbation.mass must be 0 or greater and less than 1"),
+        ({"name": "robust", "perturbation": {"mass": 2}}, "'perturbation' .*: mass: must be less than 1, got 2"),
         ({"name": "robust", "sims": []}, "sim: name at least one sim"),
         ({"name": "robust", "sims": ["pybulet"]}, r"no sim 'pybulet' \(did you mean 'pybullet'\?\); possible: "),
         ({"name": "robust", "sims": ["pybullet", "pybullet"]}, "sim: 'pybullet' is repeated"),

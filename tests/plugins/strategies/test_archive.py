@@ -135,8 +135,11 @@ def test_measures_are_names_or_have_bounds_of_their_own():
             [{"name": "mass", "lower": 0.5, "upper": 0.5}],
             "mass goes from 0.5 to 0.5; lower must be less",
         ),
-        ([{"name": "mass", "upper": math.inf}], "mass goes from 0 to inf"),
-        ([{"name": "mass", "bins": 0}], "mass needs 1 to 100 bins, got 0"),
+        ([{"name": "mass", "upper": math.inf}], "mass: upper: must be a finite number"),
+        (
+            [{"name": "mass", "bins": 0}],
+            "mass: bins: must be greater than or equal to 1, got 0",
+        ),
         ([{"name": "mass", "bins": "many"}], "mass: bins: "),
         ([{"name": "mass", "colour": "red"}], "key 'colour'"),
         ([{}], "measure 'None'"),

@@ -94,9 +94,9 @@ def test_an_island_that_does_not_improve_starts_from_nothing():
     ("settings", "message"),
     [
         ({"islands": 5}, r"evolution\.islands is 5, but budget\.n_agent is 4"),
-        ({"islands": 0}, r"evolution\.islands must be greater than 0"),
-        ({"migrate": 0}, r"evolution\.migrate must be greater than 0"),
-        ({"patience": -1}, r"evolution\.patience must be greater than 0"),
+        ({"islands": 0}, "setting 'islands' can't be 0: must be greater than 0"),
+        ({"migrate": 0}, "setting 'migrate' can't be 0: must be greater than 0"),
+        ({"patience": -1}, "setting 'patience' can't be -1: must be greater than 0"),
         ({"styles": []}, r"evolution\.styles is empty"),
     ],
 )

@@ -135,8 +135,8 @@ def test_any_number_of_rollouts_is_spent_and_begins_as_a_larger_one(rollouts):
 @pytest.mark.parametrize(
     ("rollouts", "wrong"),
     [
-        (-1, "evolution.rollouts must be greater than 0, got -1"),
-        (0, "evolution.rollouts must be greater than 0, got 0"),
+        (-1, "setting 'rollouts' can't be -1: must be greater than 0"),
+        (0, "setting 'rollouts' can't be 0: must be greater than 0"),
         (12.5, "setting 'rollouts' can't be 12.5"),
         ("many", "setting 'rollouts' can't be 'many'"),
     ],
