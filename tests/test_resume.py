@@ -125,7 +125,11 @@ def what_is_stored(folder):
     ("key", "value", "said"),
     [
         ("seed", 10**38, "seed must be from 0 to 9007199254740992, got 10"),
-        ("evolution.tie", 1e10, "evolution.tie must be from 0 to 1, got 10000000000"),
+        (
+            "evolution.tie",
+            1e10,
+            "evolution.tie: must be less than or equal to 1, got 10000000000",
+        ),
         ("budget.reward_save", float("nan"), "budget: a number in it is not finite"),
         (
             "sampling.temperature",

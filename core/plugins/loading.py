@@ -30,16 +30,11 @@ def find_usage(main: str) -> str:
     try:
         spec = importlib.util.find_spec(module)
         tree = ast.parse(Path(str(spec and spec.origin)).read_bytes())
+        for part in tree.body:
+            if isinstance(part, ast.Assign) and ast.unparse(part.targets[0]) == "USAGE":
+                return str(ast.literal_eval(part.value))
     except (ImportError, OSError, SyntaxError, ValueError):
         return ""
-
-    for part in tree.body:
-        names = part.targets if isinstance(part, ast.Assign) else []
-        is_usage = any(isinstance(n, ast.Name) and n.id == "USAGE" for n in names)
-        if is_usage and isinstance(part, ast.Assign):
-            value = part.value
-            said = value.value if isinstance(value, ast.Constant) else ""
-            return said if isinstance(said, str) else ""
 
     return ""
 

@@ -13,7 +13,7 @@ from core.designs.rules import check_tool
 from core.errors import LimitReached, UserError
 from core.events import INTERRUPTED, Generation, Result
 from core.interfaces import Budget, EvolutionStrategy, Robot
-from core.plugins import describe_part, installed
+from core.plugins import describe_part
 from core.search.finalists import Race, evaluate_in_race
 from core.support.interrupts import allow_writing
 from core.support.text import shorten
@@ -26,7 +26,7 @@ def evolve(
     race: Race,
     budget: Budget,
     events: pluggy.PluginManager,
-    robot: Robot | None = None,
+    robot: Robot,
     expect: Callable[[Candidate], None] = lambda candidate: None,
     elites: int = 0,
     least: int = 0,
@@ -40,14 +40,13 @@ def evolve(
         race: has the fitness, the scheduler, and the further layouts.
         budget: of the run.
         events: hear of what happens.
-        robot: tools must suit it; None: the default one.
+        robot: tools must suit it.
         expect: may raise where a candidate is not what it was when the run was interrupted.
         elites: how many rollouts those that may be elites are tried for after each generation. With any, those
             clearly behind are not tried in all layouts of the search.
         least: how many generations there are whatever they earn: those tried before the run was resumed.
     """
     began = time.monotonic()
-    robot = robot or installed().default_robot
     fitness = race.fitness
     allowance = Allowance(budget.n_rollouts, len(fitness.conditions()))
     candidates = CheckedCandidates(strategy, robot, expect, allowance)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Annotated, Any, cast
 
 import pluggy
 from omegaconf import DictConfig, OmegaConf
+from pydantic import Field, NonNegativeInt
 
 from core.config.compose import part
 from core.config.trust import refuse_keys
@@ -27,8 +28,10 @@ from core.plugins import (
 from core.plugins.blame import add_listener
 from core.search.builder import build_designer, check_numbers
 from core.search.designer import ModelDesigner
+from core.support.inputs import check
 from core.trial import TIE
 
+_Share: Any = Annotated[float, Field(ge=0, le=1)]
 # Kinds of parts whose names a run's listeners receive.
 _PARTS = ("task", "sim", "vlm", "tool", "action", "evolution", "fitness", "executor")
 
@@ -94,15 +97,10 @@ def build_strategy(
     Raises:
         UserError: it can't be used.
     """
-    tie = settings.get("tie", TIE)
-    if not isinstance(tie, int | float) or not 0 <= tie <= 1:
-        raise UsageError(f"evolution.tie must be from 0 to 1, got {tie}")
-
-    rollouts = settings.get("refine", 0)
-    if type(rollouts) is not int or rollouts < 0:
-        raise UsageError(
-            f"evolution.refine must be a whole number from 0 on, got {rollouts!r}"
-        )
+    tie = check(_Share, settings.get("tie", TIE), "evolution.tie", UsageError)
+    rollouts = check(
+        NonNegativeInt, settings.get("refine", 0), "evolution.refine", UsageError
+    )
     if rollouts:
         settings = {
             "name": _find_refiner(),

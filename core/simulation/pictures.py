@@ -15,6 +15,7 @@ from PIL import Image as Pillow
 from PIL import ImageDraw
 
 from core.design import Candidate, Tool
+from core.errors import RAISED
 from core.interfaces import (
     Felt,
     Image,
@@ -28,6 +29,7 @@ from core.scene import Camera, State
 from core.simulation.attempt import prepare
 from core.simulation.closing import choose_closing, fly
 from core.support.cli import say
+from core.support.progress_display import busy
 from core.support.text import clean
 
 SIZE = 640, 480  # pixels of the scene's picture
@@ -207,6 +209,27 @@ def filmed(
     happened = tuple(sorted(events, key=lambda event: event.at_s))
 
     return Film(task, simulator, candidate.tool, seed, recording, size, happened)
+
+
+def write_film(
+    task: Task,
+    simulator: Simulator,
+    candidate: Candidate,
+    seed: int,
+    settings: RolloutSettings,
+    file: Path,
+) -> Film | None:
+    """Write the film of a candidate; None: it can't be filmed, which costs the film alone: standard error says why."""
+    try:
+        with busy(f"drawing the film {file.name}"):
+            file.parent.mkdir(parents=True, exist_ok=True)
+            film = filmed(task, simulator, candidate, seed, settings)
+            save_film(film, file)
+    except RAISED as error:
+        report_missing("film", error)
+        return None
+
+    return film
 
 
 def describe_camera(camera: Camera, size: tuple[int, int]) -> str:

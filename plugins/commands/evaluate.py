@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -154,14 +153,6 @@ def main(words: list[str]) -> None:
         UserError: no designs are given, all are rejected, or see `evaluate`.
     """
     cfg = configured(arguments(USAGE, words))
-
-    for word in words:
-        if word.startswith("action="):
-            say(
-                f"{word} changes nothing here: the form of each plan, or the field 'action' of its design, says how "
-                "it is written",
-                file=sys.stderr,
-            )
 
     if cfg.check:
         for line in check_all(cfg):

@@ -9,12 +9,10 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from core.config.compose import node, part
-from core.errors import RAISED
 from core.interfaces import RolloutSettings, Task
 from core.plugins import SIMULATOR
-from core.simulation.pictures import filmed, report_missing, save_film
+from core.simulation.pictures import write_film
 from core.support.cli import say
-from core.support.progress_display import busy
 from core.trial import Evaluation
 
 
@@ -35,13 +33,7 @@ def film_best(cfg: DictConfig, evaluations: Sequence[Evaluation], task: Task) ->
     folder = Path(cfg.output or "film").parent
     for stage in task.parts:
         candidate = best.candidate.of(stage.name)
-        name = f"{stage.name}_s{candidate.design}_p{candidate.action}.gif"
+        file = folder / f"{stage.name}_s{candidate.design}_p{candidate.action}.gif"
         layout = best.shown.layout
-        try:
-            with busy(f"drawing the film {name}"):
-                film = filmed(stage, simulator, candidate, layout, settings)
-                save_film(film, folder / name)
-        except RAISED as error:
-            report_missing("film", error)
-        else:
-            say(f"film: {folder / name}")
+        if write_film(stage, simulator, candidate, layout, settings, file):
+            say(f"film: {file}")

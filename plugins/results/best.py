@@ -8,12 +8,11 @@ from pathlib import Path
 
 from core.design import Candidate
 from core.designs.planning import resolve
-from core.errors import RAISED, UserError
+from core.errors import UserError
 from core.events import INTERRUPTED, Result, Run
-from core.interfaces import EvolutionStrategy, Felt, Looked, Simulator, Task
+from core.interfaces import EvolutionStrategy, Felt, Looked, Task
 from core.robot.trajectory import plan_task_motion
-from core.simulation.pictures import filmed, report_missing, save_film
-from core.support.progress_display import busy
+from core.simulation.pictures import report_missing, write_film
 from plugins.results.artifacts import save_design, save_files
 from plugins.results.pages.runs import EVENTS
 
@@ -48,7 +47,11 @@ def save_best(result: Result, run: Run, strategy: EvolutionStrategy) -> None:
         place = folder / task.name if several else folder
         _save_motion(candidate, task, run, place)
         if filming:
-            _save_film(candidate, task, run, run.simulator, place)
+            file = place / "rollout.gif"
+            film = write_film(
+                task, run.simulator, candidate, run.seed, run.settings, file
+            )
+            save_events(film.happened if film else (), place)
 
 
 def _remove(folder: Path) -> None:
@@ -65,19 +68,6 @@ def _save_motion(candidate: Candidate, task: Task, run: Run, folder: Path) -> No
     save_design(candidate, run.representation, folder)
     assert candidate.tool is not None
     save_files(candidate.tool, task.robot, motion, folder)
-
-
-def _save_film(
-    candidate: Candidate, task: Task, run: Run, simulator: Simulator, folder: Path
-) -> None:
-    """Write a film of a design in the run's layout; a film that fails costs the film, never the run."""
-    try:
-        with busy("drawing the film of the best design"):
-            film = filmed(task, simulator, candidate, run.seed, run.settings)
-            save_film(film, folder / "rollout.gif")
-            save_events(film.happened, folder)
-    except RAISED as error:
-        report_missing("film", error)
 
 
 def save_events(happened: Iterable[Felt | Looked], folder: Path) -> None:

@@ -119,7 +119,8 @@ def run(
     trials.known.update(
         {(e.candidate.content, condition.where): e.trials[0] for e in known}
     )
-    found = evolve(strategy, race, spent, events, least=least)
+    robot = installed().default_robot
+    found = evolve(strategy, race, spent, events, robot, least=least)
     return found, strategy, diary.entries
 
 
