@@ -20,6 +20,7 @@ from core.plugins import PluginPart
 from core.plugins.outside import outside_part
 from core.support.cli import expand
 from core.support.files import read_text, write_whole, writing
+from core.support.inputs import adapter
 from core.support.secrets import scrub
 
 FOLDER = "inputs"
@@ -105,15 +106,13 @@ def _read_index(folder: Path) -> Mapping[str, str]:
     """Read which setting has which copy; nothing where there is no index that can be read."""
     inputs = folder / FOLDER
     try:
-        index = json.loads(read_text(inputs / INDEX, most=MAX_BYTES, within=folder))
+        text = read_text(inputs / INDEX, most=MAX_BYTES, within=folder)
+        index = adapter(dict[str, str]).validate_json(text)
     except (UserError, ValueError):
         return {}
 
-    if not isinstance(index, dict):
-        return {}
-
     return {
-        str(path): str(copy)
+        path: copy
         for path, copy in index.items()
-        if (inputs / str(copy)).resolve().is_relative_to(inputs.resolve())
+        if (inputs / copy).resolve().is_relative_to(inputs.resolve())
     }

@@ -8,7 +8,7 @@ from pathlib import Path
 from core.errors import UsageError, UserError
 from core.support.files import read_text
 
-MAX_IDEA = 50_000  # characters
+MAX_IDEA = 50_000  # bytes
 
 
 def read_idea(file: str | None, *, wanted: bool) -> str | None:
@@ -29,16 +29,11 @@ def read_idea(file: str | None, *, wanted: bool) -> str | None:
             f"prompt.file={file} is not used by this prompt; add prompt=human"
         )
 
-    text = read_text(Path(file), f"prompt.file={file}")
+    text = read_text(Path(file), f"prompt.file={file}", MAX_IDEA)
     text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL).strip()
     if not text:
         raise UserError(
             f"prompt.file={file} is empty; describe the tool and its motion"
-        )
-
-    if len(text) > MAX_IDEA:
-        raise UserError(
-            f"prompt.file={file} has {len(text)} characters; at most {MAX_IDEA} are allowed"
         )
 
     return text

@@ -6,13 +6,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
+from pydantic import Field, NonNegativeInt
+
 from core.config.compose import engines
 from core.design import Candidate
 from core.hooks import PartsOf
 from core.interfaces import Condition, Fitness, Score, Trial
 from core.support.templates import fill
 from plugins.fitness.perturbation_range import PerturbationRange
-from plugins.fitness.robustness import Perturbation, check_draws
+from plugins.fitness.robustness import Perturbation
 from plugins.fitness.several import score_by_worst_engine
 
 ENGINES: list[str | dict[str, Any]] = ["pybullet", "sapien"]
@@ -28,17 +30,16 @@ class Robust(Fitness):
         perturbation: the ranges of the perturbations.
 
     Raises:
-        UserError: an engine or a seed that can't be used.
+        UserError: an engine that can't be used.
     """
 
     def __init__(
         self,
         condition: Condition,
         sims: Annotated[list[str | dict[str, Any]], PartsOf("sim")] = ENGINES,
-        seeds: list[int] = [0, 1, 2],  # noqa: B006
+        seeds: Annotated[list[NonNegativeInt], Field(min_length=1)] = [0, 1, 2],  # noqa: B006
         perturbation: PerturbationRange = PerturbationRange(),  # noqa: B008
     ) -> None:
-        check_draws(seeds)
         self._condition = condition
         self._sims = engines(sims, condition.sim)
         self._changes = [Perturbation(perturbation, seed) for seed in seeds]

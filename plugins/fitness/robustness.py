@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from core.design import Component, Tool
-from core.errors import UsageError
 from core.geometry import Pose
 from core.scene import Scene
 from plugins.fitness.perturbation_range import PerturbationRange
@@ -54,15 +52,3 @@ def _scale(component: Component, scale: float) -> Component:
         shape=component.shape.scaled(scale),
         joint=joint,
     )
-
-
-def check_draws(seeds: Sequence[int]) -> None:
-    """Check the draw numbers of perturbations.
-
-    Raises:
-        UsageError: there are none, one is negative, or one is repeated.
-    """
-    if not seeds or min(seeds) < 0 or len(set(seeds)) < len(seeds):
-        raise UsageError(
-            f"seeds must be one or more different numbers, 0 or greater; got {list(seeds)}"
-        )

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import cast
+from typing import Annotated, cast
 
-from pydantic import PositiveInt
+from pydantic import Field, PositiveInt
 
 from core.design import Candidate
 from core.errors import UsageError
@@ -39,7 +39,7 @@ class Islands(EvolutionStrategy):
         styles: texts that are added to the prompts, one for each island in turn.
 
     Raises:
-        UsageError: there are more islands than agents, or no style.
+        UsageError: there are more islands than agents.
     """
 
     def __init__(
@@ -50,17 +50,12 @@ class Islands(EvolutionStrategy):
         migrate: PositiveInt = 2,
         patience: PositiveInt = 3,
         warmth: float = 0.25,
-        styles: Harmless[list[str]] = STYLES,
+        styles: Harmless[Annotated[list[str], Field(min_length=1)]] = STYLES,
     ) -> None:
         super().__init__(designer, budget)
         if islands > budget.n_agent:
             raise UsageError(
                 f"evolution.islands is {islands}, but budget.n_agent is {budget.n_agent}; each needs one"
-            )
-
-        if not styles:
-            raise UsageError(
-                "evolution.styles is empty; give at least one text, which may be empty"
             )
 
         self._migrate = migrate

@@ -352,7 +352,7 @@ def test_a_persons_idea_is_passed_on(idea, brief):
         (b"", "is empty; describe the tool"),
         (b" \n<!-- nothing\nbut a comment -->", "is empty; describe the tool"),
         (b"\xff\xfe", "is not UTF-8 text"),
-        (b"x" * 60_000, "has 60000 characters; at most 50000"),
+        (b"x" * 60_000, "has 0.1 MB; at most 0.05 MB"),
     ],
 )
 def test_files_that_hold_no_idea(tmp_path, content, reason):

@@ -97,7 +97,7 @@ def test_an_island_that_does_not_improve_starts_from_nothing():
         ({"islands": 0}, "setting 'islands' can't be 0: must be greater than 0"),
         ({"migrate": 0}, "setting 'migrate' can't be 0: must be greater than 0"),
         ({"patience": -1}, "setting 'patience' can't be -1: must be greater than 0"),
-        ({"styles": []}, r"evolution\.styles is empty"),
+        ({"styles": []}, "setting 'styles'"),
     ],
 )
 def test_wrong_settings(settings, message):
