@@ -127,8 +127,6 @@ class RayExecutor(Executor):
                 why = f"{type(error).__name__}: {str(error).strip()}".splitlines()[0]
                 continue
 
-            if isinstance(answer, _Unusable):
-                raise UserError(str(answer))
             if not isinstance(answer, Fault):
                 return answer  # type: ignore[no-any-return]
             machine, why = True, str(answer)
@@ -143,6 +141,9 @@ class RayExecutor(Executor):
         """Wait for a task, `_work`; from when it begins for ``limit`` seconds at most.
 
         While one waits, Ray is not shut down: what calls it afterwards ends the whole process.
+
+        Raises:
+            UserError: the node can't do it.
         """
         with self._lock:
             if self._closed:
@@ -153,7 +154,7 @@ class RayExecutor(Executor):
         try:
             unusable: bytes = self._ray.get(next(answers))
             if unusable:
-                return unusable
+                raise UserError(unusable.decode())
             if not self._ray.wait([answers], timeout=limit)[0]:
                 self._ray.cancel(answers, force=True)
                 raise self._ray.exceptions.GetTimeoutError
@@ -298,10 +299,6 @@ def _reach(address: str) -> None:
         ) from error
 
 
-class _Unusable(Exception):
-    """A node can't do what is asked."""
-
-
 @cache
 def _keep_scratch() -> None:
     """Keep this process's temporary files in a folder that goes with it."""
@@ -320,11 +317,8 @@ def _work(job: bytes) -> Iterator[bytes]:
         function, chunk = pickle.loads(job)  # noqa: S301  # from the process that started this one
         getattr(function, "prepare", lambda: None)()
     except RAISED as error:
-        yield pickle.dumps(
-            _Unusable(
-                f"workers on the Ray cluster can't be used: {type(error).__name__}: {error}"
-            )
-        )
+        what = f"{type(error).__name__}: {error}"
+        yield f"workers on the Ray cluster can't be used: {what}".encode()
         return
 
     yield b""

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import inspect
 import sys
-from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from core.hooks import hookimpl
 from core.plugins import installed
@@ -18,11 +17,6 @@ from core.trial import Evaluation
 if TYPE_CHECKING:
     from core.events import Generation, Result, Run
     from core.interfaces import Reply
-
-
-@hookimpl
-def listeners() -> Mapping[str, Callable[..., Any]]:
-    return {"progress": ProgressListener}
 
 
 class ProgressListener:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated, cast
 
 from pydantic import Field, PositiveInt
 
 from core.design import Candidate
 from core.errors import UsageError
-from core.hooks import Harmless, hookimpl
+from core.hooks import Harmless
 from core.interfaces import Budget, Designer, EvolutionStrategy
 from core.search.assignment import AsksTeams, Team
 from core.trial import Evaluation, best_first, best_tools
@@ -19,11 +19,6 @@ STYLES = [
     "Prefer tools of few and simple components, and short motions.",
     "Prefer tools that work by another principle than the obvious one.",
 ]
-
-
-@hookimpl
-def evolution_strategies() -> Mapping[str, Callable[..., EvolutionStrategy]]:
-    return {"islands": Islands}
 
 
 class Islands(EvolutionStrategy):

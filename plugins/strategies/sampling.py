@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 from core.design import Candidate
-from core.hooks import hookimpl
 from core.interfaces import EvolutionStrategy
 from core.trial import Evaluation
-
-
-@hookimpl
-def evolution_strategies() -> Mapping[str, Callable[..., EvolutionStrategy]]:
-    return {"sampling": Sampling}
 
 
 class Sampling(EvolutionStrategy):

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Literal
 
 from core.design import Candidate
-from core.hooks import hookimpl
 from core.interfaces import Budget, Designer, EvolutionStrategy
 from core.trial import TIE, Evaluation, best_first, best_tools
-
-
-@hookimpl
-def evolution_strategies() -> Mapping[str, Callable[..., EvolutionStrategy]]:
-    return {"vlmgineer": VLMgineer}
 
 
 def select(
