@@ -171,6 +171,7 @@ def explain(error: Exception) -> UserError:
 
     # Hydra advises to append a key, which `check_keys` refuses.
     message, _, _ = " ".join(str(error).split()).partition(" To append ")
+    message = message.replace("--multirun", "-m")
     if isinstance(error.__cause__, OmegaConfBaseException):
         message = f"{message.rstrip('.')}: {first_line(error.__cause__)}"
     return UsageError(f"{message}{failed}")

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -205,33 +206,21 @@ class Archive:
 
 
 def lean_front(evaluations: Iterable[Evaluation]) -> list[Evaluation]:
-    """Return what holds and is not beaten in mass without a longer motion, the lightest first."""
-    points = list[tuple[float, float]]()
-    held = list[Evaluation]()
-    for evaluation in evaluations:
-        effort = evaluation.effort
-        if effort is not None and evaluation.holds:
-            points.append((effort.mass_kg, effort.motion_s))
-            held.append(evaluation)
+    """Return what holds and is not beaten in mass without a longer motion, the lightest first; of equal ones one."""
+    held = [
+        (evaluation.effort, evaluation)
+        for evaluation in evaluations
+        if evaluation.effort is not None and evaluation.holds
+    ]
+    front: list[Evaluation] = []
+    shortest_s = math.inf
+    held.sort(key=lambda pair: (pair[0].mass_kg, pair[0].motion_s))
+    for effort, evaluation in held:
+        if effort.motion_s < shortest_s:
+            shortest_s = effort.motion_s
+            front.append(evaluation)
 
-    return [held[number] for number in find_front(points)]
-
-
-def find_front(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Find the points that no other beats in one respect without losing in the other; less is better in both.
-
-    Args:
-        points: pairs of figures.
-
-    Returns:
-        Their numbers, the lowest first figure first. Of equal points the first counts.
-    """
-    found: list[int] = []
-    for number in sorted(range(len(points)), key=lambda n: points[n]):
-        if not found or points[number][1] < points[found[-1]][1]:
-            found.append(number)
-
-    return found
+    return front
 
 
 def save_archive(

@@ -144,7 +144,7 @@ def test_a_protocol_sets_what_it_fixes_and_the_command_line_goes_first(command):
 def test_a_key_that_is_not_there_and_several_values_are_told_by_the_words():
     with pytest.raises(UsageError, match=r"'sim=mujoco,sapien' .* quote the value"):
         load("evaluate", ["seed=3", "sim=mujoco,sapien"])
-    with pytest.raises(UsageError, match=r"'seed=3,4' .* add --multirun"):
+    with pytest.raises(UsageError, match=r"'seed=3,4' .* add -m to your"):
         load("config", ["sim=mujoco", "seed=3,4"])
 
 
