@@ -5,7 +5,7 @@ without a request to a model.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from core.search.assignment import Team
 from core.search.builder import build_asking, count_repairs, estimate_request
 from core.search.saved_designs import try_all
 from core.support.cli import arguments, say, write_bytes
+from core.support.templates import fill
 from core.trial import Evaluation, best_first
 
 USAGE = (
@@ -122,38 +123,34 @@ def _json(value: object) -> bytes:
     return (json.dumps(value, indent=2, ensure_ascii=False) + "\n").encode()
 
 
-def _describe_generation(
-    cfg: DictConfig, request: Request, follow_ups: Sequence[Request], estimate: Estimate
-) -> Iterator[str]:
-    """Say how many requests a generation has at most, with how many tokens, and what these cost."""
-    agents = cfg.budget.n_agent
-    tools = request.brief.n_tool
-    later = [estimate_request(cfg, other)[1].prompt_tokens for other in follow_ups]
-    count = agents * (1 + tools * len(later))
-    tokens = agents * (estimate.prompt_tokens + tools * sum(later))
-    paid = estimate.usd_per_prompt_token
-    cost = "" if paid is None else f" ({tokens * paid:.2f} USD, and the answers)"
-    yield f"a generation has at most {count} requests with some {tokens} tokens{cost}"
-
-    if estimate.usd_per_cached_token is not None:
-        yield f"{estimate.shared_tokens} tokens of each are the same: they cost less where the provider keeps them"
-
-    repairs = count_repairs(cfg, installed().factory("vlm", cfg.vlm.name))
-    if repairs:
-        yield f"prompt.repair={repairs}: at most {repairs * count} requests more where designs break rules"
-
-
 def main(words: list[str]) -> None:
     cfg = load("prompt", arguments(USAGE, words), PromptConfig)
     OmegaConf.resolve(cfg)
     request, *follow_ups = requests(cfg)
     model, estimate = estimate_request(cfg, request)
     write(request, model, estimate, Path(cfg.output))
-    say(f"{estimate.prompt_tokens} tokens for {model} ({estimate.counted_by})")
-    say(*_describe_generation(cfg, request, follow_ups, estimate))
-    if cfg.prompt.critic:
-        say(
-            f"prompt.critic={cfg.prompt.critic}: so many shorter requests come before each generation but the first"
-        )
+    costs = describe_costs(cfg, request, follow_ups, model, estimate)
+    say(*costs.splitlines(), str(Path(cfg.output)))
 
-    say(str(Path(cfg.output)))
+
+def describe_costs(
+    cfg: DictConfig,
+    request: Request,
+    follow_ups: Sequence[Request],
+    model: str,
+    estimate: Estimate,
+) -> str:
+    """Say how many tokens a request has, how many requests a generation has at most, and what these cost."""
+    agents = cfg.budget.n_agent
+    tools = request.brief.n_tool
+    later = [estimate_request(cfg, other)[1].prompt_tokens for other in follow_ups]
+    return fill(
+        "plugins.commands",
+        "costs",
+        model=model,
+        estimate=estimate,
+        count=agents * (1 + tools * len(later)),
+        tokens=agents * (estimate.prompt_tokens + tools * sum(later)),
+        repairs=count_repairs(cfg, installed().factory("vlm", cfg.vlm.name)),
+        critic=cfg.prompt.critic,
+    )
