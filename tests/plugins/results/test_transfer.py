@@ -351,8 +351,8 @@ def test_a_run_with_a_given_tool_can_be_read_back(tmp_path):
             [f"designs={SOLUTION}", "robots=[{name: panda, base: [1]}]"],
             "robot.base must be four numbers",
         ),
-        ([f"designs={SOLUTION}", "seeds=[]"], "seeds must be"),
-        ([f"designs={SOLUTION}", "perturbation.mass=1.5"], "perturbation.mass must be"),
+        ([f"designs={SOLUTION}", "seeds=[]"], "setting 'seeds' can't be"),
+        ([f"designs={SOLUTION}", "perturbation.mass=1.5"], "mass: must be"),
         (
             [f"designs={SOLUTION}", "perturbation.weight=1"],
             "no key 'weight' in perturbation",
