@@ -14,6 +14,8 @@ from core.errors import RAISED, in_line
 from core.support.interrupts import was_interrupted
 from core.support.progress_display import busy
 
+PATIENCE_S = 10.0  # until it is said what is being loaded
+
 
 class Contained(Exception):
     """A plugin raised what ends a program, or would have ended it; the message says what."""
@@ -50,7 +52,7 @@ def contained(doing: str = "") -> Iterator[None]:
         Contained: of what would have ended the program without a word, or in another's name.
     """
     try:
-        with _kept_alive(), busy(doing) if doing else nullcontext():
+        with _kept_alive(), busy(doing, PATIENCE_S) if doing else nullcontext():
             yield
     except RAISED:
         raise

@@ -22,6 +22,7 @@ class Step:
     """Something that takes a while: ``what`` is being done, such as ``reading cup.obj``; it may change meanwhile."""
 
     what: str
+    first_s: float = 0.0  # 0: as long as for others
 
 
 _steps = list[Step]()
@@ -29,9 +30,9 @@ _notes = dict[str, str]()
 
 
 @contextmanager
-def busy(what: str) -> Iterator[Step]:
-    """Say what is being done, if it lasts."""
-    step = Step(what)
+def busy(what: str, first_s: float = 0.0) -> Iterator[Step]:
+    """Say what is being done, if it lasts; ``first_s``: how long, if not as for other steps."""
+    step = Step(what, first_s)
     _steps.append(step)
     try:
         yield step
@@ -74,7 +75,7 @@ def _watch(say: Callable[[str], None]) -> None:
         now = time.monotonic()
         for step in _steps[-1:]:
             if now > worked + PAUSE_S:
-                wait_s = FIRST_S
+                wait_s = step.first_s or FIRST_S
                 due = now + wait_s
                 began = now
                 last = ""
