@@ -18,7 +18,7 @@ from core.search.assignment import Team
 from core.search.builder import build_asking, estimate_request
 from core.search.finalists import rollouts_in
 from core.store.reader import StoredRun
-from core.support.cli import print_table
+from core.support.cli import print_table, say
 from plugins.results.pages.runs import AnyRun, FinishedRun, LeftOutRun
 from plugins.results.study.study_files import StudyRun, is_done, read_state
 
@@ -38,6 +38,7 @@ class Need:
     Attributes:
         requests: to the model, without those that send designs back.
         rollouts: at most.
+        deciding: of these, those that decide between the best.
         busy_s: seconds of one core.
         wait_s: seconds for answers of a model.
         usd: US dollars; infinite: the model has no known price.
@@ -45,6 +46,7 @@ class Need:
 
     requests: int = 0
     rollouts: int = 0
+    deciding: int = 0
     busy_s: float = 0.0
     wait_s: float = 0.0
     usd: float = 0.0
@@ -90,6 +92,11 @@ class Outlook:
         rows.append(self._row("all", len(self.runs), len(self.needs), self.whole))
         head = ("method", "runs", "to do", "requests", "rollouts", "hours", "dollars")
         print_table(head, rows, head[1:])
+        if self.whole.deciding:
+            say(
+                f"up to {self.whole.deciding:,} of these rollouts decide between the best, in a generation and at "
+                "the end: seconds of the machine, which budget.elite_s and budget.final_s set; 0: none"
+            )
 
     def _row(self, method: str, runs: int, todo: int, need: Need) -> tuple[str, ...]:
         usd = "unknown" if math.isinf(need.usd) else f"{need.usd:,.2f}"
@@ -177,7 +184,8 @@ def _estimate(
     candidates = budget.n_agent * tools * budget.n_action * generations
     candidates += cfg.evolution.get("refine", 0)
     often, last = demand.finals
-    rollouts = candidates * demand.conditions + often * generations + last
+    deciding = often * generations + last
+    rollouts = candidates * demand.conditions + deciding
     requests = budget.n_agent * generations
     if isinstance(state, LeftOutRun) and state.status == "unfinished":
         store = StoredRun(state.folder)
@@ -190,7 +198,7 @@ def _estimate(
     wait_s = ANSWER_S * requests / budget.n_agent if waits else 0.0
     usd = requests * demand.price(tools, budget.n_action)
 
-    return Need(requests, rollouts, busy_s, wait_s, usd)
+    return Need(requests, rollouts, min(deciding, rollouts), busy_s, wait_s, usd)
 
 
 def _measure(cfg: DictConfig) -> _Demand:

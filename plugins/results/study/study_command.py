@@ -14,6 +14,7 @@ from omegaconf import DictConfig
 
 from core.config.compose import load
 from core.errors import UsageError, UserError, choices
+from core.plugins import KINDS, installed
 from core.support.cli import arguments, say
 from core.support.files import write_whole, writing
 from core.support.interrupts import resumable
@@ -94,6 +95,8 @@ def main(words: list[str]) -> None:
     tasks = _choose("task", cfg.tasks, {name_task(task): task for task in study.tasks})
     methods = _choose("method", cfg.methods, {m.name: m for m in study.methods})
 
+    for method in methods:
+        _check_parts(method.name, selection.settings_of(method))
     model = load("config", selection.plan(methods[:1], tasks[:1], 1)[0].words)
     waits = reads_words(model)
     if not waits:
@@ -164,6 +167,26 @@ def _choose(kind: str, names: Sequence[str], known: Mapping[str, T]) -> list[T]:
             raise choices(kind, name, known, "the study")
 
     return [known[name] for name in known if not names or name in names]
+
+
+def _check_parts(method: str, words: Sequence[str]) -> None:
+    """Check that the parts that a method names are installed, before anything is estimated.
+
+    Raises:
+        UsageError: one is not.
+    """
+    for word in words:
+        kind, _, value = word.partition("=")
+        if kind not in KINDS or value.startswith("{"):
+            continue
+
+        known = installed().names(kind)
+        for name in value.strip("[]").split(","):
+            if name.strip() and name.strip() not in known:
+                unknown = choices(kind, name.strip(), known, f"method {method!r}")
+                raise UsageError(
+                    f"{unknown}; a part of your own is there once its package is installed: pip install -e FOLDER"
+                )
 
 
 def _leave_out(methods: Sequence[Method], cfg: DictConfig) -> list[Method]:

@@ -271,6 +271,23 @@ def test_what_is_left_of_a_run_is_estimated(tmp_path):
     assert new.rollouts - rest.rollouts == 2
 
 
+def test_it_is_said_which_rollouts_decide_between_the_best(tmp_path, capsys):
+    words = ("task=BringCube", "budget.n_agent=1")
+    run = StudyRun("a", "", 0, tmp_path / "new", words)
+    outlook = look_ahead([run], 1)
+    (need,) = outlook.needs.values()
+    assert 0 < need.deciding < need.rollouts
+    outlook.show()
+    said = capsys.readouterr().out
+    assert f"up to {need.deciding} of these rollouts decide" in said
+    assert "budget.final_s" in said
+
+    none = ("budget.final_s=0", "budget.elite_s=0")
+    outlook = look_ahead([StudyRun("a", "", 0, tmp_path / "new", words + none)], 1)
+    outlook.show()
+    assert "decide" not in capsys.readouterr().out
+
+
 def test_published_figures_stand_beside_those_of_the_runs(tmp_path):
     """On the tasks that all methods of a figure have; nothing where a method is not there."""
     write_run(tmp_path / "a", "name=full", "task=ElevatePlate", rewards=[[0.5]])
