@@ -82,7 +82,7 @@ MISTAKES = [
     ("run", ["resume=nowhere"], "nowhere holds no run"),
     (
         "run",
-        ["resume=nowhere", "resume=second_engine"],
+        ["resume=nowhere", "resume=elsewhere"],
         "resume=RUN_DIR goes on with one run",
     ),
     (

@@ -76,7 +76,7 @@ def condition(monkeypatch, name, task=Slide, sim=Faulty):
 
 
 def test_a_simulator_that_raises_is_named(monkeypatch):
-    monkeypatch.setattr(faults.Slide, "__module__", "second_engine")
+    monkeypatch.setattr(faults.Slide, "__module__", "elsewhere")
     with pytest.raises(
         PluginError,
         match="sim 'tired' of their-distribution raised ArithmeticError: the solver",

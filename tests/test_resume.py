@@ -326,7 +326,7 @@ def test_a_run_that_has_come_to_its_end_says_so(toy, tmp_path, capsys):
     before, asked = tables(folder), toy.lines("asked")
     best = result_of(folder)["best"]
     distance = best["measured"]["distance_m"]
-    for overrides in ([], ["executor.notes=second_engine", "film=true"]):
+    for overrides in ([], ["executor.notes=elsewhere", "film=true"]):
         resume(folder, overrides)
         said = capsys.readouterr().out.splitlines()
         assert said == [

@@ -257,7 +257,7 @@ def test_what_this_user_began_goes_on_without_a_word(tmp_path, monkeypatch):
     folder = tmp_path / "run"
     run(load("config", words), folder)
     with monkeypatch.context() as elsewhere:
-        elsewhere.setenv("XDG_STATE_HOME", str(tmp_path / "second_engine"))
+        elsewhere.setenv("XDG_STATE_HOME", str(tmp_path / "elsewhere"))
         with pytest.raises(UserError, match=r"type it again: 'vlm\.command=\[cat,"):
             resume(folder, ["budget.n_iteration=1"])
         again = [f"vlm.command=[cat,{answer}]"]

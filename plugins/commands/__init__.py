@@ -21,7 +21,7 @@ def commands() -> dict[str, Command]:
             "plugins.vlms.context.facts:main",
         ),
         "import": Command(
-            "say what an arm's or a thing's file is, and write what uses it",
+            "read a robot's or an object's file, and write the words or the scene that use it",
             "plugins.commands.import_file:main",
         ),
         "new": Command(

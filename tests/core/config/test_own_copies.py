@@ -59,7 +59,7 @@ def test_a_run_goes_on_in_any_folder_without_the_files_it_was_begun_with(
     task = task_part(cfg).create()
     remember(config)
     monkeypatch.chdir(tmp_path)
-    moved = tmp_path / "second_engine"
+    moved = tmp_path / "elsewhere"
     shutil.move(run, moved)
     shutil.rmtree(tmp_path / "lab")
     taken, _ = take_stored(config, moved, [])

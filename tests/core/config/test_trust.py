@@ -171,7 +171,7 @@ def test_a_stored_configuration_is_not_resolved(config, tmp_path):
 def test_no_link_in_a_run_folder_is_followed(name, tmp_path):
     folder = stored(tmp_path / "run")
     (folder / ".hydra").mkdir()
-    target = tmp_path / "second_engine"
+    target = tmp_path / "elsewhere"
     target.mkdir()
     (target / "mine").write_text("mine")
     link = folder / name

@@ -73,4 +73,4 @@ def test_a_run_that_was_killed_at_once_and_one_of_another_version(tmp_path):
     assert (store.exists, store.config(), store.result()) == (True, {}, None)
     with pytest.raises(UserError, match="its store is empty"):
         stored_config(tmp_path)
-    assert not StoredRun(tmp_path / "second_engine").exists
+    assert not StoredRun(tmp_path / "elsewhere").exists

@@ -163,7 +163,7 @@ def test_a_shorter_way_that_goes_first_is_explained(capsys):
 
 def test_what_the_best_earned_in_small_changes_of_the_scene_is_said(capsys):
     said = summary(capsys, [0.995, 0.999], changes=[1.0, 0.9, 0.98])
-    what = "of the scene g0-a0-s0-p0 earned 0.960 on average, 0.900 at least"
+    what = "of the scene, g0-a0-s0-p0 earned 0.960 on average, 0.900 at least"
     assert f"in 3 small changes {what}" in said.splitlines()
     assert "evolution.tie of it count as equal: among those that hold, room" in said
     assert "small change" not in summary(capsys, [0.995])
