@@ -140,7 +140,7 @@ def test_a_line_that_is_no_message_is_answered(raw):
         assert raw.read() == {"jsonrpc": "2.0", "id": 2, "result": {}}
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_client_that_never_reads_is_not_read_on_and_leaves_when_it_closes(raw):
     stream = raw.process.stdin.fileno()
     os.set_blocking(stream, False)

@@ -29,7 +29,7 @@ def test_axes_are_drawn_where_the_frames_are():
     assert np.abs(columns - 100).max() <= 2
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_an_object_gets_a_scene_and_a_picture(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "tin.xml").write_text(TIN)

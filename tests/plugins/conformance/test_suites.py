@@ -80,6 +80,7 @@ def test_a_task_whose_reward_reads_a_trace_conforms():
     } == {}
 
 
+@pytest.mark.thorough
 def test_the_local_executor_conforms():
     checked = subject(PluginPart("executor", "local", (("workers", 2),)))
     for check in SUITES["executor"]:

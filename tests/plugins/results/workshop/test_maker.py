@@ -62,13 +62,13 @@ def test_metal_is_milled():
     assert judge(0.01, steel).words.startswith("to be milled: yes, in 1 piece, ")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("task", "side_mm", "possible"),
     [
         ("OneBook", 500, True),
-        pytest.param("MoveBall", 500, True, marks=pytest.mark.thorough),
-        pytest.param("OneBook", 60, False, marks=pytest.mark.thorough),
+        ("MoveBall", 500, True),
+        ("OneBook", 60, False),
     ],
 )
 def test_the_verdict_of_a_run_is_that_of_its_export(task, side_mm, possible, tmp_path):

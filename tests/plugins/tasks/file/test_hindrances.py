@@ -50,7 +50,7 @@ def hindrances(tmp_path):
     return find
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_lid_that_a_bolt_blocks_wherever_it_stands_is_named(hindrances):
     task, (line,) = hindrances(CHEST)
     for word in ("ball", "slide", "lid meets bolt", "wherever"):

@@ -118,6 +118,7 @@ def test_swapped_cameras_are_named(tmp_path, name):
         draft_of(tmp_path, name, swapped)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", NAMES)
 def test_a_photograph_that_is_upside_down_is_named(tmp_path, name):
     photographs = photographs_of(views_of(name))
@@ -147,6 +148,7 @@ def test_a_board_that_lies_as_was_said_raises_no_alarm(tmp_path):
     assert draft_of(tmp_path, "LiftBox", photographs, board=BOARD).faults == []
 
 
+@pytest.mark.thorough
 def test_a_photograph_without_a_board_is_placed_by_what_it_shares(tmp_path):
     pytest.importorskip("cv2")
     first, second = photographs_of(views_of("LiftBox"))
