@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -168,6 +169,12 @@ def explain(error: Exception) -> UserError:
     cause = error if isinstance(error, OmegaConfBaseException) else error.__cause__
     if isinstance(cause, ConfigAttributeError | ConfigKeyError):
         return _explain_key(cause)
+
+    lacking = re.match(r"Could not override '([^']+)'", str(error))
+    if lacking:
+        return UsageError(
+            f"this command has no group {lacking[1]!r}: leave {lacking[1]}=... out"
+        )
 
     # Hydra advises to append a key, which `check_keys` refuses.
     message, _, _ = " ".join(str(error).split()).partition(" To append ")

@@ -45,7 +45,7 @@ def test_a_plus_adds_no_unknown_key(words, reason):
     ("word", "reason"),
     [
         ("+vlm.model=x", "no key 'vlm' in the configuration; possible: .*designs, "),
-        ("vlm=gemini", "Could not override 'vlm'"),
+        ("vlm=gemini", "has no group 'vlm'"),
     ],
 )
 def test_no_key_that_belongs_to_another_command_is_taken(word, reason):
