@@ -180,10 +180,10 @@ def test_what_the_model_took(capsys):
         Reply("b", "", "m", error="no"),
         Reply("c", "", "m", prompt_tokens=1, cost_usd=0.25),
     ]
-    assert "asked 3 times, 1 without an answer, 16 tokens, 0.75 USD" in summary(
+    assert "asked for 3 times, 1 without an answer, 16 tokens, 0.75 USD" in summary(
         capsys, [0.5], replies=replies
     )
-    assert "asked 1 time\n" in summary(capsys, [0.5], replies=[Reply("a", "", "m")])
+    assert "asked for 1 time\n" in summary(capsys, [0.5], replies=[Reply("a", "", "m")])
 
 
 def test_the_least_margin_of_the_best(capsys):
