@@ -66,7 +66,10 @@ class Schedule:
         steps = np.arange(-self.settle, self.count - self.settle, dtype=np.float64)
         begins = steps * time_step
         self.ends: Array = begins + time_step
-        self.instants: Array = np.append(begins, self.ends[-1:])
+        end = (
+            self.ends[-1] if self.count else 0.0
+        )  # a job of less than half a step has none
+        self.instants: Array = np.append(begins, end)
 
         self.samples = np.empty(0, dtype=int)
         if job.record_hz > 0:

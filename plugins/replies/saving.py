@@ -173,7 +173,8 @@ def _find_objects(text: str) -> tuple[list[_Found], Malformed | None]:
     is_list_whole = any(
         isinstance(item.value, dict) and "strategies" in item.value for item in found
     )
-    if is_list_broken and not is_list_whole:
+    has_read = any(item.value is not None for item in found)
+    if has_read and is_list_broken and not is_list_whole:
         assume(UNCLOSED)
     if longest is not None and _CUT.search(text, len(text) - 100):
         found.append(_Found(_unread(text, end), "strategyname", False))

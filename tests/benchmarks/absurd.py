@@ -208,7 +208,7 @@ def _deepest(tool: Sequence[Track], bodies: Sequence[Track]) -> float:
             near = ((one.low <= other.high[0]) & (one.high >= other.low[0])).all(axis=1)
             for k in np.flatnonzero(near[:-1]):
                 for share in (0.0, 0.5):
-                    here = one.at(int(k), share)
+                    here = one.at(int(k) + share)
                     there = other.at(0)
                     gap = coal.distance(
                         one.geometry,

@@ -259,7 +259,7 @@ def test_a_plan_that_feels_and_looks_is_exported_as_it_is(tmp_path):
     text = (folder / "CHECKLIST.md").read_text()
     assert "run_plan.py" in text
     assert "Run `motion/trajectory.csv`" not in text
-    again, _ = play_dry(load_export(folder / "plan"), "mujoco")
+    again = play_dry(load_export(folder / "plan"), "mujoco")
     assert again.reward == found.replays["mujoco"].reward
 
 
