@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
+from functools import cache
+from multiprocessing import parent_process
+
+_log = logging.getLogger(__name__)
 
 _DEGREES = "degrees? A URDF has radians; MJCF has degrees, unless it says otherwise"
 # The least and the most that is usual, how a value is said, and what it may be instead.
@@ -30,3 +35,10 @@ def find_warning(what: str, quantity: str, value: float) -> Iterator[str]:
     least, most, words, question = USUAL[quantity]
     if not least <= abs(value) <= most:
         yield f"{what} {words.format(value)}; {question}"
+
+
+@cache
+def warn_once(text: str) -> None:
+    """Report a warning, once; workers stay silent, since the main process reports it."""
+    if parent_process() is None:
+        _log.warning(text)

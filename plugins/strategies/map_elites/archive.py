@@ -23,6 +23,7 @@ from core.geometry import Array
 from core.interfaces import ToolRepresentation
 from core.support.inputs import check
 from core.trial import TIE, Evaluation, best_first, mean_figure
+from core.values.warnings import warn_once
 
 MAX_BINS = 100
 
@@ -104,7 +105,15 @@ def mean_touch(evaluation: Evaluation) -> float:
     touches = [
         trial.touch_m for trial in evaluation.trials if trial.touch_m is not None
     ]
-    return float(np.mean(touches)) if touches else float("nan")
+    if touches:
+        return float(np.mean(touches))
+
+    if not any(trial.outcome for trial in evaluation.trials):
+        warn_once(
+            "evolution.measures: where tools touch was not observed; set rollout.observe=true"
+        )
+
+    return float("nan")
 
 
 class Value(NamedTuple):

@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-import logging
-from functools import cache
-from multiprocessing import parent_process
 from pathlib import Path
 
 from core.errors import UserError
 from core.imports.meshes import KINDS
+from core.values.warnings import warn_once
 from plugins.tasks.file.imports import Imported, read_bodies, read_mesh
 
 HOLDING = (".urdf", ".xml", ".mjcf")
-
-_log = logging.getLogger(__name__)
-
-
-@cache
-def warn_once(text: str) -> None:
-    """Report what is to be known of a file, once; workers stay silent, since the main process reports it."""
-    if parent_process() is None:
-        _log.warning(text)
 
 
 class Files:

@@ -23,6 +23,7 @@ from core.solids.hindrances import find_hindrances
 from core.solids.standing import find_overlaps, say_first
 from core.support.cli import expand
 from core.values.layouts import NONE, Draw, Ranges, Sets
+from core.values.warnings import warn_once
 from plugins.tasks.file import (
     building,
     contacts,
@@ -35,7 +36,7 @@ from plugins.tasks.file import (
     tree,
 )
 from plugins.tasks.file import spec as schema
-from plugins.tasks.file.named_files import Files, warn_once
+from plugins.tasks.file.named_files import Files
 
 BACK = 1.25  # times as far: how a camera moves back that sees too little
 FARTHEST_M = 10.0

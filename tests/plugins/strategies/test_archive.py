@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,6 +17,7 @@ from core.errors import UsageError
 from core.geometry import Box, Pose
 from core.plugins import installed
 from core.trial import Evaluation, Trial, Where
+from core.values.warnings import warn_once
 from plugins.commands.evaluate import evaluate
 from plugins.conformance.evaluations import tried_once
 from plugins.fitness.several import score_by_worst_engine
@@ -107,6 +109,16 @@ def test_where_a_tool_touches_is_the_mean_of_the_trials_in_which_it_does():
     ]
     assert bin_of_trials(measure, never, far, near) == 10
     assert measure.bin(Evaluation(earned(0.5).candidate)) == 24
+
+
+def test_it_is_said_once_that_touches_were_not_observed(caplog):
+    warn_once.cache_clear()
+    (measure,) = read_measures(["touch"])
+    never = Trial(Where("BringCube", "mujoco", 0), reward=0.5, outcome="cube stays")
+    bin_of_trials(measure, never)
+    assert caplog.text == ""
+    bin_of_trials(measure, replace(never, outcome=""))
+    assert "set rollout.observe=true" in caplog.text
 
 
 def bin_of_trials(measure, *trials):
