@@ -16,7 +16,8 @@ def answer_schema(brief: Brief) -> dict[str, Any]:
     """Return the JSON schema of the answer to a brief: a scene analysis, and designs.
 
     A design is a tool with its action plans. Where the tool is given it has plans alone, and where the brief asks for
-    no plans the tool alone. It names its parents where there are elites.
+    no plans the tool alone. It names its parents where there are elites. An agent, who is asked alone, may answer with
+    more designs and plans than one; how many a call may hold, its guide says.
     """
     design: dict[str, Any] = {}
     if brief.elites:
@@ -41,9 +42,11 @@ def answer_schema(brief: Brief) -> dict[str, Any]:
     if brief.n_action:
         plan = brief.actions.schema(gripper=brief.gripper)
         design["action_description"] = _TEXT
-        design["action_sets"] = _list(plan, brief.n_action, brief.n_action)
+        most = None if brief.alone else brief.n_action
+        design["action_sets"] = _list(plan, brief.n_action, most)
 
-    designs = _list(object_schema(design), brief.n_tool, brief.n_tool)
+    most = None if brief.alone else brief.n_tool
+    designs = _list(object_schema(design), brief.n_tool, most)
     return object_schema({"scene_analysis": _TEXT, "strategies": designs})
 
 
@@ -59,6 +62,7 @@ def object_schema(
     }
 
 
-def _list(items: dict[str, Any], least: int, most: int) -> dict[str, Any]:
-    """Return the schema of a list of ``least`` to ``most`` items."""
-    return {"type": "array", "items": items, "minItems": least, "maxItems": most}
+def _list(items: dict[str, Any], least: int, most: int | None) -> dict[str, Any]:
+    """Return the schema of a list of ``least`` to ``most`` items; None: or more."""
+    schema = {"type": "array", "items": items, "minItems": least}
+    return schema if most is None else {**schema, "maxItems": most}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
@@ -29,6 +29,7 @@ from core.interfaces import (
     Task,
     ToolRepresentation,
 )
+from core.scene import Camera, State
 from core.search.answers import Answer, Mender
 from core.search.assignment import Assignment, Team
 from core.search.model_requests import ask_model
@@ -36,6 +37,10 @@ from core.trial import Evaluation
 
 ScenePictures = Mapping[bool, tuple[Picture, ...]]
 """The pictures of a scene, without the gripper (False) and with it."""
+
+
+Aim = Callable[[Camera, State], Camera]
+"""Makes another camera of the task's, by where the free bodies are."""
 
 
 class Artist:
@@ -52,8 +57,15 @@ class Artist:
         """
         return {}
 
-    def draw_strip(self, evaluation: Evaluation) -> Picture | None:
-        """Draw a film strip of the trial that is shown; None: there is none."""
+    def draw_strip(
+        self, evaluation: Evaluation, aim: Aim | None = None
+    ) -> Picture | None:
+        """Draw a film strip of the trial that is shown; None: there is none.
+
+        Args:
+            evaluation: of a candidate.
+            aim: makes the camera of each frame; None: it is close to what moves.
+        """
         return None
 
     def draw_strips(

@@ -116,12 +116,9 @@ class OfDesigns(Arguments):
     )
 
 
-class Look(OfDesigns):
-    view: Annotated[str, BeforeValidator(_read_name)] | None = Field(
-        None,
-        max_length=50,
-        description="scene (the task's camera), close, robot, front, side or top; the last three with grids, m.",
-    )
+class FromCamera(Arguments):
+    """Says where a camera stands."""
+
     position: Point | None = Field(
         None, description="Where another camera stands: x, y, z in metres."
     )
@@ -130,6 +127,14 @@ class Look(OfDesigns):
     )
     fov_deg: float | None = Field(
         None, ge=2, le=120, description="That camera's vertical angle, degrees."
+    )
+
+
+class Look(OfDesigns, FromCamera):
+    view: Annotated[str, BeforeValidator(_read_name)] | None = Field(
+        None,
+        max_length=50,
+        description="scene (the task's camera), close, robot, front, side or top; the last three with grids, m.",
     )
     cut: float | None = Field(
         None,
@@ -182,10 +187,15 @@ class TryCurve(Arguments):
     )
 
 
-class Watch(Arguments):
+class Watch(FromCamera):
     candidate: CandidateId
     layout: int | None = Field(
         None, ge=0, description="Which trial; else the one that earned least."
+    )
+    body: str | None = Field(
+        None,
+        max_length=200,
+        description="A body to follow from near, 0.3 m from top to bottom, or by fov_deg.",
     )
 
 
@@ -260,7 +270,8 @@ KINDS: dict[str, ToolKind] = {
     ),
     "watch": ToolKind(
         Watch,
-        "See a film strip of a trial: six instants at which something happens. Free.",
+        "See a film strip of a trial: six instants at which something happens; close to a body, or from a camera of "
+        "your own. Free.",
     ),
     "trace": ToolKind(
         TraceTrial,

@@ -202,7 +202,9 @@ class Tools:
         if asked.designs is not None or asked.candidate is not None:
             first = self._read(asked)[0]
             if first.tool is None:
-                raise Refused(f"look: {self._session.told.clean(first.problem or '')}")
+                raise Refused(
+                    f"look: {self._session.describer.clean(first.problem or '')}"
+                )
             tool = first.tool
         shown = View(tool=tool, seed=self._session.run.seed)
         picture = draw_scene(self._session.run, asked, shown)
@@ -211,7 +213,7 @@ class Tools:
     def _rehearse(self, asked: Rehearse) -> Answer:
         first = self._read(asked)[0]
         if first.problem is not None:
-            raise Refused(f"rehearse: {self._session.told.clean(first.problem)}")
+            raise Refused(f"rehearse: {self._session.describer.clean(first.problem)}")
 
         condition = self._session.choose_condition(asked.layout)
         try:
@@ -219,7 +221,7 @@ class Tools:
             sample = played.find_sample(asked.waypoint, asked.time_s)
         except DesignError as error:
             raise Refused(
-                f"rehearse: {self._session.told.clean(str(error))}"
+                f"rehearse: {self._session.describer.clean(str(error))}"
             ) from error
 
         taken = played.recording
@@ -288,9 +290,9 @@ class Tools:
                 evaluations.append(Evaluation(candidate, trials, Score(mean)))
 
         session.beside += evaluations
-        answer = [_dump(self._session.told.describe(each)) for each in evaluations]
+        answer = [_dump(self._session.describer.describe(each)) for each in evaluations]
         for evaluation in evaluations:
-            answer += self._session.told.compare_engines(evaluation, player.known)
+            answer += self._session.describer.compare_engines(evaluation, player.known)
         return [Text("\n\n".join([*answer, self._state()]))]
 
     def _choose_conditions(self, asked: TryDesign) -> list[Condition]:
@@ -364,7 +366,9 @@ class Tools:
     def _watch(self, asked: Watch) -> Answer:
         evaluation = self._session.find(asked.candidate)
         trial = self._choose_trial(evaluation, asked.layout)
-        strip = draw_trial(self._session.asked.artist, evaluation, trial)
+        task = self._session.run.task
+        artist = self._session.asked.artist
+        strip = draw_trial(task, artist, evaluation, trial, asked)
         return [Text(strip.caption), strip]
 
     def _trace(self, asked: TraceTrial) -> Answer:
@@ -405,7 +409,7 @@ class Tools:
         try:
             series = read_series(condition, evaluation.candidate)
         except DesignError as error:
-            reason = self._session.told.clean(str(error))
+            reason = self._session.describer.clean(str(error))
             raise Refused(f"trace: {name}: {reason}") from error
 
         if (
@@ -419,7 +423,7 @@ class Tools:
             t for t in evaluation.trials if t.status == "ok" and t.where.change is None
         ]
         if not played:
-            reason = self._session.told.clean(evaluation.reason)
+            reason = self._session.describer.clean(evaluation.reason)
             raise Refused(f"watch: {evaluation.candidate.id} was not played: {reason}")
         if layout is None:
             return min(played, key=lambda trial: trial.reward)
@@ -434,12 +438,14 @@ class Tools:
 
     def _best_designs(self, asked: BestDesigns) -> Answer:
         ranking = self._session.rank()
-        whole = [self._session.told.describe_whole(e) for e in ranking[: asked.count]]
+        whole = [
+            self._session.describer.describe_whole(e) for e in ranking[: asked.count]
+        ]
         unplayed = [e for e in self._session.tried if e.status != "ok"]
         others = [*ranking[asked.count :], *unplayed]
         lines = [_dump(entry) for entry in whole]
         if others:
-            lines.append(self._session.told.line(others[:_LISTED]))
+            lines.append(self._session.describer.line(others[:_LISTED]))
         if len(others) > _LISTED:
             lines.append(f"- and {len(others) - _LISTED} others")
         lines.append(self._state())
@@ -464,10 +470,10 @@ class Tools:
         curve = [e for e in evaluations if e.candidate.varied is not None]
         others = [e for e in evaluations if e.candidate.varied is None]
         entries = [
-            _dump(self._session.told.describe(evaluation)) for evaluation in others
+            _dump(self._session.describer.describe(evaluation)) for evaluation in others
         ]
         if curve:
-            entries.append(self._session.told.describe_curve(curve))
+            entries.append(self._session.describer.describe_curve(curve))
         return [*self._say_assumed(), Text("\n\n".join([*entries, self._state()]))]
 
     def describe_result(self) -> Answer:

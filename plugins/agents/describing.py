@@ -22,8 +22,8 @@ _DIFFERS = 0.1  # of a reward in two engines
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
-    """What an agent is told of candidates.
+class Describer:
+    """Describes to an agent what came of candidates.
 
     Attributes:
         facts: what prompts may say of the run.

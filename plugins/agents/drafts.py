@@ -104,7 +104,7 @@ def name_draft(candidate: Candidate) -> str:
 def say_refusal(session: Session, candidate: Candidate) -> str:
     """Say why a candidate is refused, in words and in codes; without codes where something is not told."""
     problem = candidate.problem or ""
-    said = session.told.clean(problem)
+    said = session.describer.clean(problem)
     if said != problem:
         return said
     return " ".join([said, *(f"[{refusal}]" for refusal in candidate.refusals)])
@@ -121,7 +121,7 @@ def say_problems(session: Session, candidate: Candidate) -> str:
         conditions = [replace(conditions[0], change=_Emptied())]
 
     found = [
-        (f"layout {condition.layout}", session.told.clean(problem))
+        (f"layout {condition.layout}", session.describer.clean(problem))
         for condition in conditions
         for problem in find_problems(condition, candidate)
     ]

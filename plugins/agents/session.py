@@ -29,7 +29,7 @@ from core.support.text import clean
 from core.trial import best_first, count_rollouts
 from plugins.agents.agent import Agent
 from plugins.agents.bench import Refused
-from plugins.agents.describing import Told
+from plugins.agents.describing import Describer
 
 _ALONE = Team([0])
 _SEARCHED = re.compile(r"g\d+-a0-")
@@ -71,9 +71,9 @@ class Session:
         return not self.asked.prompts.facts.level.numbers
 
     @cached_property
-    def told(self) -> Told:
-        """What the agent is told of candidates."""
-        return Told(self.asked.prompts.facts, self.brief())
+    def describer(self) -> Describer:
+        """Describes what came of candidates."""
+        return Describer(self.asked.prompts.facts, self.brief())
 
     @cached_property
     def conditions(self) -> Sequence[Condition]:

@@ -11,10 +11,10 @@ from core.design import Tool
 from core.designs.composer import PromptComposer
 from core.designs.rules import given_tool
 from core.errors import RAISED, NoPicture, UserError
-from core.interfaces import Picture, Simulator, Task
+from core.interfaces import Image, Picture, Simulator, Task
 from core.search.assignment import Assignment
-from core.search.designer import Artist, ScenePictures
-from core.simulation.pictures import SIZE, filmed, png, report_missing
+from core.search.designer import Aim, Artist, ScenePictures
+from core.simulation.pictures import SIZE, Film, filmed, png, report_missing
 from core.support.text import clean
 from core.trial import Evaluation, Score
 from plugins.vlms.context.causes import failing_trials
@@ -31,6 +31,12 @@ def shown_in(task: Task, evaluation: Evaluation) -> tuple[Task, Evaluation]:
             if part.name == shown.task:
                 return part, evaluation.in_task(part.name)
     return task, evaluation.in_task(task.name)
+
+
+def _draw_aimed(film: Film, aim: Aim, index: int, usual: object) -> Image:
+    """Draw a sample of a film with a camera of its own, in place of the ``usual`` one."""
+    state = film.recording.states[index]
+    return film.draw(index, lambda camera: aim(camera, state))
 
 
 @dataclass(eq=False)
@@ -70,7 +76,9 @@ class EngineArtist(Artist):
         kinds = dict.fromkeys(assignment.tool_kinds)
         return [Tool(gripper=kind == "gripper") for kind in kinds]
 
-    def draw_strip(self, evaluation: Evaluation) -> Picture | None:
+    def draw_strip(
+        self, evaluation: Evaluation, aim: Aim | None = None
+    ) -> Picture | None:
         """Draw a film strip of the trial that is shown; None: that fails, and standard error says why."""
         if not self.can_draw:
             return None
@@ -88,7 +96,8 @@ class EngineArtist(Artist):
             film = filmed(
                 task, self._player, candidate, layout, rollout, level.frame_size
             )
-            strip = level.strip(film.recording, film.draw, seen)
+            draw = film.draw if aim is None else partial(_draw_aimed, film, aim)
+            strip = level.strip(film.recording, draw, seen)
         except OSError:  # the machine fails: a request without the picture would be paid for all the same
             raise
         except RAISED as error:  # else it costs the picture, never the run

@@ -509,6 +509,18 @@ def test_schema_counts(gripper, numbers):
     assert "parents" not in fields
 
 
+def test_an_agent_is_told_the_same_of_numbers_everywhere():
+    brief = make_brief(alone=True, n_tool=1, n_action=1, curves=20)
+    said = words(PromptComposer().compose(brief, [PICTURE]))
+    for other in ("bold", "Answer with one JSON", "elites", "the next prompt"):
+        assert other not in said
+    strategies = answer_schema(brief)["properties"]["strategies"]
+    plans = strategies["items"]["properties"]["action_sets"]
+    for several in (strategies, plans):
+        assert several["minItems"] == 1
+        assert "maxItems" not in several
+
+
 @pytest.mark.parametrize("elites", [(), ELITES])
 def test_schema_is_closed_and_complete(elites):
     schema = answer_schema(make_brief(elites=elites))

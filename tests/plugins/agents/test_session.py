@@ -74,6 +74,8 @@ def session(tmp_path_factory):
     async def go_on(client):
         said["again"] = await ask(client, "best_designs")
         said["watch"] = await ask(client, "watch", {"candidate": "g0-a0-s0-p0"})
+        near = {"candidate": "g0-a0-s0-p0", "body": "cube"}
+        said["near"] = await ask(client, "watch", near)
         two = solution()
         two["strategies"] = two["strategies"] * 3
         said["beyond"] = await ask(client, "try_design", {"designs": two})
@@ -113,7 +115,7 @@ def test_the_task_is_described_as_a_prompt_would(session):
 
 def test_what_is_seen_is_a_picture(session):
     _, said = session
-    for name in ("look", "from", "rehearsed", "watch", "seen"):
+    for name in ("look", "from", "rehearsed", "watch", "near", "seen"):
         (picture,) = pictures(said[name])
         assert picture.width >= 640
         assert len(picture.getcolors(1_000_000)) > 100
