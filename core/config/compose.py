@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import is_dataclass, replace
 from functools import cache
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from hydra import compose, initialize_config_module
@@ -47,6 +48,7 @@ from core.plugins import (
     PluginPart,
     installed,
 )
+from core.plugins.outside import list_readers
 from core.support.cli import key_of, say
 from core.trial import Part
 from core.values.layouts import NONE
@@ -157,7 +159,13 @@ def explain(error: Exception) -> UserError:
         return explain_word(error.override)
 
     if isinstance(error, MissingConfigException) and error.options:
-        group, _, choice = (error.missing_cfg_file or "").rpartition("/")
+        missing = error.missing_cfg_file or ""
+        kind, _, path = missing.partition("/")
+        words = " or ".join(list_readers(kind, path))
+        if words and Path(path).suffix:
+            return UsageError(f"{kind}={path} is a file; to read it, type {words}")
+
+        group, _, choice = missing.rpartition("/")
         unknown = choices(group, choice, error.options)
         return UsageError(f"{unknown}{failed}").coded(*unknown.refusals)
 

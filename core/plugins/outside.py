@@ -69,6 +69,17 @@ def outside_part(kind: str, settings: object, where: str) -> Iterator[Found]:
             yield Found(f"{where}.{name}", value, describe(hint))
 
 
+def list_readers(kind: str, file: str) -> list[str]:
+    """List what to type so that a part reads a file, such as ``task=file task.file=scene.yaml``."""
+    words = []
+    for name, factory in installed().factories(kind).items():
+        for setting, hint in hints_of(factory).items():
+            if describe(hint) == "file":
+                words.append(f"{kind}={name} {kind}.{setting}={file}")
+
+    return words
+
+
 def describe(kind: Any) -> str:
     """Say what a setting of a type names outside, as far as it is declared."""
     for mark in getattr(kind, "__metadata__", ()):

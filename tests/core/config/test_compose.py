@@ -42,6 +42,18 @@ def test_a_plus_adds_no_unknown_key(words, reason):
 
 
 @pytest.mark.parametrize(
+    ("word", "due"),
+    [
+        ("task=/home/me/fetch.yaml", "task=file task.file=/home/me/fetch.yaml"),
+        ("robot=arm.urdf", "robot=urdf robot.path=arm.urdf"),
+    ],
+)
+def test_a_file_in_the_place_of_a_part_is_told_what_reads_it(word, due):
+    with pytest.raises(UsageError, match=f"is a file; to read it, type {due}$"):
+        load("config", [word])
+
+
+@pytest.mark.parametrize(
     ("word", "reason"),
     [
         ("+vlm.model=x", "no key 'vlm' in the configuration; possible: .*designs, "),
