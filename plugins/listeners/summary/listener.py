@@ -82,6 +82,7 @@ class SummaryListener:
             _print_tools(result, self.top)
 
         self._say("failures", values | _list_failures(run, result))
+        self._say("in_short", values)
 
     def _say(self, template: str, values: Mapping[str, Any]) -> None:
         # Imported here, since each command's start asks for this class's settings.
