@@ -31,7 +31,7 @@ from core.scene import Body, Bond, Box, Camera, Geom, Joint, Pose, Scene, State,
 from docs import build, gallery, names
 from docs.diagrams import DRAWINGS
 from plugins.commands.prompt import PromptConfig
-from plugins.conformance.scenery import stick
+from plugins.conformance.sample_tools import stick
 from plugins.conformance.suites import examine
 from plugins.new.new_command import write as write_package
 from tests.core.run_folders import write_run

@@ -12,12 +12,11 @@ from core.design import DesignError
 from core.designs.plan_rules import check_plan
 from core.designs.planning import look
 from core.interfaces import ActionPlan, ActionRepresentation, Perception, Waypoints
+from plugins.conformance.sample_tools import LengthOnly
 from plugins.conformance.shared import (
     WILD,
-    LengthOnly,
     as_json,
     brief,
-    expect,
     expect_a,
     expect_reason,
     read_or_refused,
@@ -30,21 +29,16 @@ _DRAWS = 200
 def check_the_schema_is_of_json(representation: ActionRepresentation) -> None:
     for gripper in (False, True):
         schema = representation.schema(gripper=gripper)
-        expect(
-            isinstance(schema, dict) and schema,
-            f"the schema is {schema!r}, not an object",
-        )
+        expect_a(dict, schema, "schema returned")
+        assert schema, "the schema is empty"
         as_json(schema, "the schema")
 
 
 def check_there_are_instructions(representation: ActionRepresentation) -> None:
     for gripper in (False, True):
-        text = representation.instructions(
-            brief(some_task(), LengthOnly(), gripper=gripper)
-        )
-        expect(
-            text.strip(), "the instructions are empty, so a model can't write a plan"
-        )
+        asked = brief(some_task(), LengthOnly(), gripper=gripper)
+        text = representation.instructions(asked).strip()
+        assert text, "the instructions are empty, so a model can't write a plan"
 
 
 def check_plans_that_fit_the_schema_are_read(
@@ -71,17 +65,13 @@ def check_plans_that_fit_the_schema_are_read(
             dumped = plan.dump()
             as_json(dumped, "what dump returned")
             again = representation.parse(dumped, gripper=gripper)
-            expect(
-                again.content == plan.content,
-                "a plan that is written and read again is another plan",
-            )
+            what = "a plan that is written and read again is another plan"
+            assert again.content == plan.content, what
             same = pickle.loads(pickle.dumps(played)).resolve(seen)  # noqa: S301  # our own
-            expect(
-                np.array_equal(same.poses, waypoints.poses),
-                "a plan that was pickled means other waypoints",
-            )
+            what = "a plan that was pickled means other waypoints"
+            assert np.array_equal(same.poses, waypoints.poses), what
 
-    expect(sound, f"of {2 * _DRAWS} plans of the schema's form none was read")
+    assert sound, f"of {2 * _DRAWS} plans of the schema's form none was read"
 
 
 def _plan_for(plan: ActionPlan, task: str) -> ActionPlan:
@@ -128,24 +118,18 @@ def _draw(schema: dict[str, Any], rng: np.random.Generator, names: list[str]) ->
         case "array":
             least = int(schema.get("minItems", 0))
             most = min(schema.get("maxItems", least + 3), least + 3)
-            return [
-                _draw(schema["items"], rng, names)
-                for _ in range(rng.integers(least, most + 1))
-            ]
+            count = rng.integers(least, most + 1)
+            return [_draw(schema["items"], rng, names) for _ in range(count)]
         case "object":
-            chosen = [
-                key
-                for key in schema["properties"]
-                if key in schema.get("required", ()) or rng.random() < 0.3
-            ]
-            return {key: _draw(schema["properties"][key], rng, names) for key in chosen}
+            document = {}
+            for key, inner in schema["properties"].items():
+                if key in schema.get("required", ()) or rng.random() < 0.3:
+                    document[key] = _draw(inner, rng, names)
+            return document
         case "number" | "integer":
-            return round(
-                float(
-                    rng.uniform(schema.get("minimum", -0.6), schema.get("maximum", 0.6))
-                ),
-                4,
-            )
+            low = schema.get("minimum", -0.6)
+            high = schema.get("maximum", 0.6)
+            return round(float(rng.uniform(low, high)), 4)
         case "boolean":
             return bool(rng.random() < 0.5)
         case _:

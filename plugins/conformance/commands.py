@@ -9,7 +9,7 @@ import sys
 from core.errors import UsageError, UserError
 from core.hooks import Command
 from core.plugins import PluginPart, installed
-from plugins.conformance.shared import expect
+from plugins.conformance.shared import expect_a
 
 
 def _call(part: PluginPart[Command], word: str) -> tuple[object, str]:
@@ -32,31 +32,27 @@ def _call(part: PluginPart[Command], word: str) -> tuple[object, str]:
 
 def check_its_help_is_one_line(part: PluginPart[Command]) -> None:
     text = part.create().help
-    expect(
-        isinstance(text, str) and text.strip(),
-        f"help is {text!r}; a line that says what the command does is needed",
-    )
-    expect(len(text.splitlines()) == 1, "help has more than one line")
+    expect_a(str, text, "help is")
+    assert text.strip(), "help is empty; a line that says what it does is needed"
+    assert len(text.splitlines()) == 1, "help has more than one line"
 
 
 def check_help_prints_its_usage(part: PluginPart[Command]) -> None:
     status, printed = _call(part, "--help")
-    expect(status == 0, f"with --help its exit status is {status} instead of 0")
-    expect(
-        printed.startswith("usage: "),
-        f"with --help it prints {printed[:60]!r} instead of a line 'usage: ...'",
-    )
+    assert status == 0, f"with --help its exit status is {status} instead of 0"
+    what = f"with --help it prints {printed[:60]!r} instead of a line 'usage: ...'"
+    assert printed.startswith("usage: "), what
 
 
 def check_an_unknown_word_is_one_line(part: PluginPart[Command]) -> None:
     """It ends with status 2, as a `UsageError` does."""
+    found: object = None
     try:
-        what = f"exit status {_call(part, 'no_such_key=1')[0]}"
-    except UsageError as error:
-        lines = str(error).splitlines()
-        expect(len(lines) == 1, f"an unknown word is more than one line: {error}")
-        return
+        found = f"exit status {_call(part, 'no_such_key=1')[0]}"
     except UserError as error:
-        what = f"a UserError: {error}"
+        found = error
 
-    raise AssertionError(f"an unknown word raises no UsageError: {what}")
+    what = f"an unknown word raises no UsageError: {found}"
+    assert isinstance(found, UsageError), what
+    what = f"an unknown word is more than one line: {found}"
+    assert len(str(found).splitlines()) == 1, what

@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import product
+from operator import length_hint
 
 import numpy as np
 
@@ -18,8 +19,8 @@ from core.plugins import PluginPart
 from core.search.trials import Trials, key_of
 from core.simulation.play import play
 from plugins.conformance.fitness import condition
-from plugins.conformance.scenery import stick
-from plugins.conformance.shared import expect, simulators, some_task
+from plugins.conformance.sample_tools import stick
+from plugins.conformance.shared import simulators, some_task
 
 Make = Callable[[], Executor]
 
@@ -27,9 +28,8 @@ MANY = 10_000  # chunks, which many workers would not end in `LONGEST_S`
 CHUNK_S = 1.0  # an executor without workers ends after the chunk that it is at
 LONGEST_S = 60.0  # for `map` to end once the executor is closed
 LONGEST_START_S = 600.0  # for the first worker to give a result
-_over = (
-    threading.Event()
-)  # of each process: what waits in this one is let go at the end
+# Of each process: what waits in this one is let go at the end.
+_over = threading.Event()
 
 
 def roots(chunk: list[float]) -> list[float]:
@@ -42,47 +42,32 @@ def check_each_chunk_comes_back_with_its_result(make: Make) -> None:
     due = [(chunk, roots(chunk)) for chunk in chunks]
     with make() as executor:
         pairs = sorted(executor.map(roots, chunks))
-        expect(
-            len(pairs) == len(due), f"{len(due)} chunks went in, {len(pairs)} came out"
-        )
-        expect(pairs == due, f"chunks came back with other results: {pairs}")
+
+    assert len(pairs) == 12, f"12 chunks went in, {len(pairs)} came out"
+    assert pairs == due, f"chunks came back with other results: {pairs}"
 
 
 def check_an_exception_belongs_to_its_chunk(make: Make) -> None:
     with make() as executor:
-        results = {
-            chunk[0]: result
-            for chunk, result in executor.map(roots, [[1.0], [-1.0], [4.0]])
-        }
+        pairs = sorted(executor.map(roots, [[1.0], [-1.0], [4.0]]))
 
-    expect(
-        results.get(1.0) == [1.0] and results.get(4.0) == [2.0],
-        "a chunk that raised affects other chunks",
-    )
-    result = results.get(-1.0)
-    expect(
-        isinstance(result, ValueError),
-        f"a chunk that raised ValueError has the result {result!r}",
-    )
+    (_, failed), *others = pairs
+    what = "a chunk that raised affects other chunks"
+    assert others == [([1.0], [1.0]), ([4.0], [2.0])], what
+    what = f"a chunk that raised ValueError has the result {failed!r}"
+    assert isinstance(failed, ValueError), what
 
 
 def check_chunks_are_not_read_all_at_once(make: Make) -> None:
     """They arrive as a model answers, and may be many."""
-    read = 0
-
-    def chunks() -> Iterator[list[float]]:
-        nonlocal read
-        for number in range(1000):
-            read = number + 1
-            yield [float(number)]
-
+    numbers = iter(range(1000))
     with make() as executor:
-        results = executor.map(roots, chunks())
+        results = executor.map(roots, ([float(number)] for number in numbers))
         next(results)
-        expect(
-            read < 500,
-            f"before the first result was taken, {read} of 1000 chunks were read",
-        )
+        read = 1000 - length_hint(numbers)
+
+    what = f"before the first result was taken, {read} of 1000 chunks were read"
+    assert read < 500, what
 
 
 def check_an_exception_of_the_source_is_raised(make: Make) -> None:
@@ -110,17 +95,14 @@ def check_a_dead_worker_costs_its_chunk_alone(make: Make) -> str | None:
 
     died = [result for (_, ends), result in results if ends]
     others = [result for (_, ends), result in results if not ends]
-    expect(
-        len(others) == 3 and all(isinstance(result, list) for result in others),
-        f"a worker that died took other chunks with it: {others}",
-    )
+    what = f"a worker that died took other chunks with it: {others}"
+    assert [type(result) for result in others] == [list] * 3, what
     if died == [[home]]:
         return "it calls the function in this process, where no worker can die"
 
-    expect(
-        len(died) == 1 and isinstance(died[0], Exception),
-        f"the chunk of a worker that died has the result {died}, not an exception",
-    )
+    what = f"the chunk of a worker that died has the result {died}, not an exception"
+    assert len(died) == 1, what
+    assert isinstance(died[0], Exception), what
     return None
 
 
@@ -143,10 +125,10 @@ def check_map_ends_when_another_thread_closes(make: Make) -> None:
     reading = threading.Thread(target=read, name="reads results", daemon=True)
     reading.start()
     try:
-        expect(begun.wait(LONGEST_START_S), "no chunk came back")
+        assert begun.wait(LONGEST_START_S), "no chunk came back"
         executor.close()
         reading.join(LONGEST_S)
-        expect(not reading.is_alive(), "close was called, and map waits on")
+        assert not reading.is_alive(), "close was called, and map waits on"
     finally:
         _over.set()
 
@@ -157,21 +139,18 @@ def check_rollouts_side_by_side_are_those_played_one_by_one(make: Make) -> str:
     candidates = _make_candidates()
     with make() as executor:
         for name in names:
-            sim = PluginPart[object]("sim", name)
-            conditions = [
-                replace(condition(), sim=sim, layout=layout) for layout in range(2)
-            ]
+            here = replace(condition(), sim=PluginPart[object]("sim", name))
+            conditions = [here, replace(here, layout=1)]
             trials = Trials(executor)
             list(trials.try_in(conditions, candidates))
 
             for where, candidate in product(conditions, candidates):
                 (alone,) = play(where, [candidate])
                 found = trials.known[key_of(candidate, where)]
-                expect(
-                    str(found) == str(alone),  # nan is like nan
-                    f"in {name} a rollout beside others is not what it is alone: {found} instead of {alone}",
-                )
-                expect(alone.status == "ok", f"in {name}: {alone.reason}")
+                what = f"in {name} a rollout beside others is not what it is alone"
+                # As text, since nan is like nan.
+                assert str(found) == str(alone), f"{what}: {found} instead of {alone}"
+                assert alone.status == "ok", f"in {name}: {alone.reason}"
 
     return f"in {', '.join(names)}"
 
@@ -181,10 +160,10 @@ def _make_candidates() -> list[Candidate]:
     home = some_task().home
     candidates = []
     for agent, action in product(range(2), range(2)):
-        tool = stick(0.25 + 0.05 * agent)
         down = home.position - (0.0, 0.1 * action, 0.15)
         ahead = np.add(down, (0.15, 0.0, 0.0))
-        plan = np.array([[*down, *home.rpy], [*ahead, *home.rpy]])
-        candidates.append(Candidate(tool, Waypoints(plan), 0, agent, 0, action))
+        plan = Waypoints(np.array([[*down, *home.rpy], [*ahead, *home.rpy]]))
+        tool = stick(0.25 + 0.05 * agent)
+        candidates.append(Candidate(tool, plan, 0, agent, 0, action))
 
     return candidates

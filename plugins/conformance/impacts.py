@@ -9,38 +9,48 @@ Impact", SIAM Review 42 (2000).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 
 from core.design import Tool
 from core.geometry import Box, Cylinder, Pose, Sphere
 from core.interfaces import JointTrajectory, Simulator
-from core.scene import Body, Geom, Scene, table
-from plugins.conformance.cases import Case, compare, velocity
-from plugins.conformance.scenery import box, cube, make_body, slope, stick
-from plugins.conformance.shared import between, expect, near
-from plugins.conformance.worlds import GRAVITY, arm, motion, opened, watch
+from core.scene import Body, table
+from plugins.conformance.sample_tools import box, stick
+from plugins.conformance.shared import between, near
+from plugins.conformance.worlds import (
+    GRAVITY,
+    Film,
+    arm,
+    compound,
+    cube,
+    make_body,
+    motion,
+    opened,
+    part,
+    slope,
+    watch,
+)
 
 _OFF = 0.08  # of the speed of an impact
 _LIGHTER = 0.1  # of the speed after a blow: all engines are within 5 %. Without the motor's inertia it is half
 
 _TORQUE = 12.0  # Nm, the last joint's limit
 _LINK = 0.01  # kg m^2 of the last link about the last joint, with a bar of 5 g
+_RATE = 2.0  # rad/s, of the wrist at the blow
+_STRUCK_S = 0.35  # 0.1 s to get to speed, and 0.25 s at it
+_REACH = 0.8  # m, from the wrist to what it strikes
 
-_BLOW_HZ = 400.0  # in every engine a step or two
 _BLOW_S = 0.02  # no blow lasts as long
 _IMPULSE = 0.01  # of the momentum that a blow gives
 
 _BAR = 0.002  # m, of a net
 
-_ICE = make_body("ice", Box((4.0, 4.0, 0.1)), (1.0, 0.0, -0.05), friction=0.0)
 
-
-@compare
-def check_oblique_impact_on_a_slope() -> Iterator[Case]:
+def check_oblique_impact_on_a_slope(simulator: Simulator) -> None:
     """A ball that falls 0.5 m on a slope leaves it with its restitution, and with what friction leaves of its slip."""
     radius = 0.05
     restitution = 0.6
@@ -53,144 +63,57 @@ def check_oblique_impact_on_a_slope() -> Iterator[Case]:
         tilt = math.radians(degrees)
         hill = replace(slope(tilt, friction), restitution=restitution)
         place = np.add(hill.pose.apply([0, 0, 0.05 + radius]), [0, 0, 0.5])
-        ball = make_body("ball", Sphere(radius), place, mass=1.0, friction=friction)
+        ball = make_body("ball", Sphere(radius), place, 1.0, friction=friction)
+        bouncy = replace(ball, restitution=1.0)
 
         # Along the slope and away from it, of the speed of the impact.
-        braked = min(
-            friction * (1 + restitution) * math.cos(tilt), 2 / 7 * math.sin(tilt)
-        )
+        stopped = friction * (1 + restitution) * math.cos(tilt)
+        braked = min(stopped, 2 / 7 * math.sin(tilt))
         along = math.sin(tilt) * (1 + gained) - braked
         up = (restitution - gained) * math.cos(tilt)
+        due = speed * hill.pose.rotation.apply([along, 0.0, up])
 
-        yield Case(
-            f"the velocity of a ball after its fall on a slope of {degrees} degrees, friction {friction}, m/s",
-            (hill, replace(ball, restitution=1.0)),
-            velocity("ball"),
-            due=speed * hill.pose.rotation.apply([along, 0.0, up]),
-            within=_OFF * speed,
-            seconds=fall + after,
-        )
+        played = watch(simulator, hill, bouncy, hold_s=fall + after)
+        found = played.states.linear_velocity("ball")[-1]
+        what = f"the velocity of a ball after its fall on a slope of {degrees} degrees, friction {friction}, m/s"
+        near(what, found, due, _OFF * speed)
+
+
+def _strike(simulator: Simulator, body: Body, **job: Any) -> Film:
+    """Let a light bar of 0.9 m on the turning wrist strike a body on ice, from the right at 1.6 m/s, and go on."""
+    post = box("post", (0.02, 0.02, 0.28), (0.0, 0.0, -0.14), mass=0.005)
+    bar = box("bar", (0.9, 0.01, 0.02), (0.45, 0.0, -0.27), mass=0.005)
+    ice = make_body("ice", Box((4.0, 4.0, 0.1)), (1.0, 0.0, -0.05), friction=0.0)
+
+    times = np.array([0.0, 0.05, 0.1, _STRUCK_S + 0.02])
+    turned = _RATE * np.array([0.0, 0.0125, 0.05, _STRUCK_S - 0.03])
+    joints = np.tile(arm().home_for(Pose(np.array([0.5, 0.0, 0.3]))), (len(times), 1))
+    # The flange looks down: about z this is to the left.
+    joints[:, 6] += _RATE * (_STRUCK_S - 0.05) - turned
+    swing = JointTrajectory(times, joints, opened(len(times)))
+
+    job = {"tool": Tool((post, bar)), "way": swing, **job}
+    return watch(simulator, ice, body, settle_s=0.1, hold_s=0.0, **job)
 
 
 def check_blow_of_the_wrist_has_its_motor_behind_it(simulator: Simulator) -> None:
-    """A puck struck by a light bar of 0.9 m on the turning wrist gets the speed that the motor's inertia gives it.
+    """A puck struck by a light bar on the turning wrist gets the speed that the motor's inertia gives it.
 
     Without restitution both keep the angular momentum that the wrist had, and the motor adds its largest torque.
     """
-    rate = 2.0
-    struck = 0.35  # s: 0.1 s to get to speed, and 0.25 s at it
-    reach = 0.8
     radius = 0.03
     mass = 0.5
-    puck = make_body(
-        "puck",
-        Cylinder(radius, 0.06),
-        (0.5 + reach, 0.005 + radius, 0.03),
-        mass=mass,
-        friction=0.0,
-    )
-    swing = _swing_bar(rate, struck)
-    scene = Scene((_ICE, puck))
-    recording = watch(simulator, scene, 0.0, 0.1, 200.0, *swing).recording
+    place = (0.5 + _REACH, 0.005 + radius, 0.03)
+    puck = make_body("puck", Cylinder(radius, 0.06), place, mass, friction=0.0)
+    struck = _strike(simulator, puck, record_hz=200.0)
 
-    since = float(recording.times[-1]) - struck
+    since = float(struck.times[-1]) - _STRUCK_S
     inertia = arm().robot.motor_inertia[-1] + _LINK
-    due = reach * (inertia * rate + _TORQUE * since) / (inertia + mass * reach**2)
-    speed = np.linalg.norm(recording.states.linear_velocity("puck")[-1])
-    near(
-        "the speed of a puck of 0.5 kg after a blow of the wrist at 1.6 m/s, m/s",
-        speed,
-        due,
-        _LIGHTER * due,
-    )
-
-
-def _swing_bar(rate: float, struck: float) -> tuple[Tool, JointTrajectory]:
-    """Make a light bar, and the motion in which the wrist swings it to the left.
-
-    Args:
-        rate: of the wrist, rad/s, which it has after 0.1 s.
-        struck: when the bar points ahead, seconds; it goes on for 0.02 s.
-    """
-    post = box("post", (0.02, 0.02, 0.28), (0.0, 0.0, -0.14), mass=0.005)
-    bar = box("bar", (0.9, 0.01, 0.02), (0.45, 0.0, -0.27), mass=0.005)
-
-    times = np.array([0.0, 0.05, 0.1, struck + 0.02])
-    turned = rate * np.array([0.0, 0.0125, 0.05, struck - 0.03])
-    joints = np.tile(arm().home_for(Pose(np.array([0.5, 0.0, 0.3]))), (len(times), 1))
-    # The flange looks down: about z this is to the left.
-    joints[:, 6] += rate * (struck - 0.05) - turned
-
-    trajectory = JointTrajectory(times, joints, opened(len(times)))
-    return Tool((post, bar)), trajectory
-
-
-def check_a_net_holds_what_does_not_fit_through(simulator: Simulator) -> None:
-    """Balls that fall 0.55 m stay on a net of thin bars with smaller holes, and fall through one with larger holes."""
-    for size, share in product((0.003, 0.006, 0.012), (0.8, 1.6)):
-        net = _make_net(share * size)
-        place = np.add(net.pose.position, [share * size / 2, share * size / 2, 0.55])
-        ball = make_body("ball", Sphere(size / 2), place, mass=0.001)
-        scene = Scene((table(), net, ball))
-        heights = watch(simulator, scene, 0.6).states.position("ball")[:, 2]
-        least = heights.min() - net.pose.position[2]
-        what = f"where a ball of {1000 * size:g} mm gets to on holes {share} times as wide, m above the net"
-        if share < 1:
-            between(what, least, 0.0, 0.05)
-        else:
-            between(what, least, -1.0, -0.1)
-
-
-def check_a_thin_wall_stops_what_is_thrown(simulator: Simulator) -> None:
-    """Balls of 3 and 20 mm that are thrown at 5 m/s don't go through an upright sheet of 2 mm, and fly past its end."""
-    wall = make_body("wall", Box((0.4, 0.002, 0.4)), (0.8, 0.3, 0.3), mass=0.0)
-    for size, x in product((0.003, 0.02), (0.8, 1.1)):
-        thrown = make_body("ball", Sphere(size / 2), (x, 0.1, 0.4), mass=0.001)
-        ball = replace(thrown, velocity=(0.0, 5.0, 0.0))
-        way = watch(simulator, Scene((wall, ball)), 0.08).states.position("ball")[:, 1]
-        what = f"how far a ball of {1000 * size:g} mm gets that is thrown at a wall, m"
-        if x < 1:
-            between(what, way.max(), 0.25, 0.3)
-        else:
-            between(what, way.max(), 0.4)
-
-
-def _make_net(hole: float) -> Body:
-    """Make a fixed net of bars 2 mm thick, 0.2 m above the table, with square holes so wide; one is in the middle."""
-    pitch = hole + _BAR
-    reach = 6 * pitch
-    bars = []
-    for number in range(-6, 7):
-        off = number * pitch - _BAR / 2
-        along = Pose(np.array([off, 0.0, 0.0]))
-        across = Pose(np.array([0.0, off, 0.0]))
-        bars.append(Geom(Box((_BAR, 2 * reach, _BAR)), along))
-        bars.append(Geom(Box((2 * reach, _BAR, _BAR)), across))
-
-    place = Pose(np.array([0.75, 0.3, 0.2]))
-    return Body("net", place, 0.0, tuple(bars), tuple(bars))
-
-
-def check_forces_are_those_that_press(simulator: Simulator) -> None:
-    """A stick is driven 5 mm into a cube of 1 kg that stands on the table; below it presses with its weight, too."""
-    trajectory = motion([[0.5, 0, 0.45, 0, 0, 0], [0.5, 0, 0.395, 0, 0, 0]])
-    scene = Scene((table(), cube(at=(0.5, 0, 0.05))))
-    played = watch(
-        simulator, scene, 1.0, tool=stick(0.3), trajectory=trajectory, forces=True
-    )
-    recording = played.recording
-    expect(recording.forces, "it is said to measure forces of contacts, and gave none")
-    late = np.flatnonzero(recording.times > recording.times[-1] - 0.4)
-    above = recording.forces["tool", "cube"][late].mean()
-    below = recording.forces["table", "cube"][late].mean()
-
-    between("the force of a tool that is driven 5 mm into a cube, N", above, 1, 1000)
-    near(
-        "the force of a cube on the table that a tool presses, N",
-        below,
-        above + GRAVITY,
-        0.1 * below,
-    )
+    momentum = inertia * _RATE + _TORQUE * since
+    due = _REACH * momentum / (inertia + mass * _REACH**2)
+    speed = np.linalg.norm(struck.states.linear_velocity("puck")[-1])
+    what = "the speed of a puck of 0.5 kg after a blow of the wrist at 1.6 m/s, m/s"
+    near(what, speed, due, _LIGHTER * due)
 
 
 def check_a_blow_gives_its_impulse_and_its_peak(simulator: Simulator) -> None:
@@ -200,22 +123,71 @@ def check_a_blow_gives_its_impulse_and_its_peak(simulator: Simulator) -> None:
     """
     mass = 0.05
     size = 0.04
-    place = (0.5 + 0.8, 0.005 + size / 2, size / 2)
-    egg = make_body("egg", Box((size, size, size)), place, mass=mass, friction=0.0)
-    scene = Scene((_ICE, egg))
-    swing = _swing_bar(2.0, 0.35)
-    recording = watch(simulator, scene, 0.0, 0.1, _BLOW_HZ, *swing, True).recording
+    place = (0.5 + _REACH, 0.005 + size / 2, size / 2)
+    egg = make_body("egg", Box((size, size, size)), place, mass, friction=0.0)
+    # In every engine an instant is a step or two.
+    struck = _strike(simulator, egg, record_hz=400.0, forces=True)
 
-    expect(recording.forces, "it is said to measure forces of contacts, and gave none")
-    force = recording.forces["tool", "egg"]
-    impulse = float(force[1:] @ np.diff(recording.times))
-    momentum = mass * float(np.linalg.norm(recording.states.linear_velocity("egg")[-1]))
-    near(
-        "the impulse of a blow on an egg of 50 g, N s",
-        impulse,
-        momentum,
-        _IMPULSE * momentum,
-    )
-
+    forces = struck.recording.forces
+    assert forces, "it is said to measure forces of contacts, and gave none"
+    force = forces["tool", "egg"]
+    impulse = float(force[1:] @ np.diff(struck.times))
+    speed = np.linalg.norm(struck.states.linear_velocity("egg")[-1])
+    momentum = mass * float(speed)
+    what = "the impulse of a blow on an egg of 50 g, N s"
+    near(what, impulse, momentum, _IMPULSE * momentum)
     least = momentum / _BLOW_S
-    between("the peak of the force of this blow, N", float(force.max()), least, 1000)
+    between("the peak of the force of this blow, N", force.max(), least, 1000)
+
+
+def check_a_net_holds_what_does_not_fit_through(simulator: Simulator) -> None:
+    """Balls that fall 0.55 m stay on a net of thin bars with smaller holes, and fall through one with larger holes."""
+    for size, share in product((0.003, 0.006, 0.012), (0.8, 1.6)):
+        net = _make_net(share * size)
+        place = net.pose.apply([share * size / 2, share * size / 2, 0.55])
+        ball = make_body("ball", Sphere(size / 2), place, 0.001)
+        heights = watch(simulator, table(), net, ball, hold_s=0.6).path("ball")[:, 2]
+        low, high = (0.0, 0.05) if share < 1 else (-1.0, -0.1)
+        what = f"where a ball of {1000 * size:g} mm gets to on holes {share} times as wide, m above the net"
+        between(what, heights.min() - net.pose.position[2], low, high)
+
+
+def check_a_thin_wall_stops_what_is_thrown(simulator: Simulator) -> None:
+    """Balls of 3 and 20 mm that are thrown at 5 m/s don't go through an upright sheet of 2 mm, and fly past its end."""
+    wall = make_body("wall", Box((0.4, 0.002, 0.4)), (0.8, 0.3, 0.3))
+    for size, x in product((0.003, 0.02), (0.8, 1.1)):
+        still = make_body("ball", Sphere(size / 2), (x, 0.1, 0.4), 0.001)
+        ball = replace(still, velocity=(0.0, 5.0, 0.0))
+        way = watch(simulator, wall, ball, hold_s=0.08).path("ball")[:, 1]
+        low, high = (0.25, 0.3) if x < 1 else (0.4, math.inf)
+        what = f"how far a ball of {1000 * size:g} mm gets that is thrown at a wall, m"
+        between(what, way.max(), low, high)
+
+
+def _make_net(hole: float) -> Body:
+    """Make a fixed net of bars 2 mm thick, 0.2 m above the table, with square holes so wide; one is in the middle."""
+    pitch = hole + _BAR
+    reach = 6 * pitch
+    bars = []
+    for number in range(-6, 7):
+        off = number * pitch - _BAR / 2
+        bars.append(part(Box((_BAR, 2 * reach, _BAR)), off, 0.0, 0.0))
+        bars.append(part(Box((2 * reach, _BAR, _BAR)), 0.0, off, 0.0))
+
+    return compound("net", *bars, at=(0.75, 0.3, 0.2))
+
+
+def check_forces_are_those_that_press(simulator: Simulator) -> None:
+    """A stick is driven 5 mm into a cube of 1 kg that stands on the table; below it presses with its weight, too."""
+    bodies = (table(), cube(at=(0.5, 0, 0.05)))
+    way = motion([[0.5, 0, 0.45, 0, 0, 0], [0.5, 0, 0.395, 0, 0, 0]])
+    played = watch(simulator, *bodies, tool=stick(0.3), way=way, forces=True)
+    forces = played.recording.forces
+    assert forces, "it is said to measure forces of contacts, and gave none"
+    late = played.times > played.times[-1] - 0.4
+    above = forces["tool", "cube"][late].mean()
+    below = forces["table", "cube"][late].mean()
+
+    between("the force of a tool that is driven 5 mm into a cube, N", above, 1, 1000)
+    what = "the force of a cube on the table that a tool presses, N"
+    near(what, below, above + GRAVITY, 0.1 * below)

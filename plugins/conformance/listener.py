@@ -27,13 +27,12 @@ from core.plugins import event_hub
 from core.trial import Evaluation, Score, Trial, Where
 from core.values.plans import NO_PLAN
 from plugins.conformance.evaluations import tried_once
+from plugins.conformance.sample_tools import LengthOnly, rigid
 from plugins.conformance.shared import (
-    LengthOnly,
     brief,
     describe_error,
     ready,
     request,
-    rigid,
     some_simulator,
     some_task,
 )
@@ -57,11 +56,11 @@ def script(
     """The events of a run in ``folder`` of two generations and an empty one; ``text`` is all that the model writes."""
     config = _config()
     budget = Budget(**config["budget"])
-    parts = {
-        kind: node["name"]
-        for kind, node in config.items()
-        if isinstance(node, dict) and "name" in node
-    }
+    parts = {}
+    for kind, node in config.items():
+        if isinstance(node, dict) and "name" in node:
+            parts[kind] = node["name"]
+
     task = some_task()
     tools = LengthOnly()
     run = Run(folder, config, parts, "a model", task, tools, budget, 0, simulator)
@@ -70,26 +69,20 @@ def script(
     for index in range(3):
         sent = request(replace(brief(task, tools), generation=index))
         reply = Reply(sent.id, text, "a model", text if index else None, 10, 20)
-        evaluations = _evaluations(index, text) if index < 2 else ()
-        generations.append(Generation(index, evaluations))
-        events += [
-            ("generation_started", {"index": index}),
-            ("request_composed", {"request": sent}),
-            ("reply_received", {"request": sent, "reply": reply}),
-            *(
-                ("candidate_evaluated", {"evaluation": evaluation})
-                for evaluation in evaluations
-            ),
-            ("generation_finished", {"generation": generations[-1]}),
-        ]
+        generation = Generation(index, _evaluations(index, text) if index < 2 else ())
+        generations.append(generation)
+        events.append(("generation_started", {"index": index}))
+        events.append(("request_composed", {"request": sent}))
+        events.append(("reply_received", {"request": sent, "reply": reply}))
+        for evaluation in generation.evaluations:
+            events.append(("candidate_evaluated", {"evaluation": evaluation}))
+        events.append(("generation_finished", {"generation": generation}))
 
     first = generations[0].evaluations[0]
+    result = Result(tuple(generations), 1.5)
     events.append(("finalist_tried", {"evaluation": first}))
-
-    return [
-        *events,
-        ("run_finished", {"run": run, "result": Result(tuple(generations), 1.5)}),
-    ]
+    events.append(("run_finished", {"run": run, "result": result}))
+    return events
 
 
 def _evaluations(generation: int, text: str) -> tuple[Evaluation, ...]:
@@ -98,21 +91,12 @@ def _evaluations(generation: int, text: str) -> tuple[Evaluation, ...]:
     tool = replace(rigid(), name=text, description=text)
     parents = ("g0-a0-s0-p0",) if generation else ()
     whole = Candidate(tool, plan, generation, 0, 0, 0, text, text, text, parents)
-    unread = Candidate(None, NO_PLAN, generation, 1, problem=text)
     where = Where(text, text, 0)
-    trial = Trial(
-        where,
-        whole.id,
-        "ok",
-        0.25,
-        text,
-        moved_m={text: 0.1},
-        warnings=(text,),
-        measured={"distance_m": 0.3},
-    )
+    figures: dict[str, Any] = {"moved_m": {text: 0.1}, "measured": {"distance_m": 0.3}}
+    trial = Trial(where, whole.id, "ok", 0.25, text, warnings=(text,), **figures)
     return (
         Evaluation(whole, (trial,), Score(0.25, {text: 1})),
-        Evaluation(unread),
+        Evaluation(Candidate(None, NO_PLAN, generation, 1, problem=text)),
         tried_once(replace(whole, action=1), "failed", reason=text),
     )
 
@@ -132,9 +116,8 @@ def play(listener: object, events: Sequence[tuple[str, dict[str, Any]]]) -> None
             try:
                 pool.submit(send).result() if event == "reply_received" else send()
             except RAISED as error:
-                raise AssertionError(
-                    f"{event} raised {describe_error(error)}"
-                ) from error
+                what = f"{event} raised {describe_error(error)}"
+                raise AssertionError(what) from error
 
 
 @contextlib.contextmanager

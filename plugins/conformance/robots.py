@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 from core.design import Tool
 from core.interfaces import (
     JointTrajectory,
-    Outcome,
     Robot,
     Rollout,
     Simulator,
@@ -23,9 +22,9 @@ from core.robot.description import assembled
 from core.robot.kinematics import arm_of
 from core.robot.solids import robot_solids
 from core.robot.trajectory import plan_motion
-from plugins.conformance.scenery import box
-from plugins.conformance.shared import between, expect, near, simulators
-from plugins.conformance.worlds import Bodies, film, play
+from plugins.conformance.sample_tools import box
+from plugins.conformance.shared import between, near, simulators
+from plugins.conformance.worlds import Bodies, Film, play
 
 # The radius of gyration of a link, about the middle of its collision shapes, is at most this many diagonals of the box
 # around them. Of the default arm's links, whose identified inertias shift mass between neighbours, one has over 1.1.
@@ -51,15 +50,12 @@ def check_limits_are_there(robot: Robot) -> None:
     for name in robot.joints(robot.gripper is not None):
         joint = robot.description.named[name]
         kinds = ("prismatic",) if name in robot.finger_joints else _ARM_KINDS
-        expect(
-            joint.kind in kinds,
-            f"joint {name!r} is {joint.kind}; it must be {' or '.join(kinds)}, with limits",
-        )
+        what = f"joint {name!r} is {joint.kind}; it must be {' or '.join(kinds)}, with limits"
+        assert joint.kind in kinds, what
         low, high, effort, speed = np.array(joint.limits, dtype=np.float64)
-        expect(
-            low < high and min(effort, speed) > 0,
-            f"joint {name!r} can't move: {joint.limits}",
-        )
+        what = f"joint {name!r} can't move: {joint.limits}"
+        assert low < high, what
+        assert min(effort, speed) > 0, what
 
 
 def check_home_points_the_mount_down(robot: Robot) -> None:
@@ -68,9 +64,8 @@ def check_home_points_the_mount_down(robot: Robot) -> None:
     for name, low, here, high in zip(
         robot.arm_joints, arm.lower, arm.home, arm.upper, strict=True
     ):
-        between(
-            f"home of {name!r} within its limits, rad", here, low + _ROOM, high - _ROOM
-        )
+        what = f"home of {name!r} within its limits, rad"
+        between(what, here, low + _ROOM, high - _ROOM)
 
     turn = robot.base.rotation.inv() * arm.forward(arm.home).rotation
     what = "the turn of the mount at home from the base's axes, rad"
@@ -82,17 +77,16 @@ def check_inertias_are_physical(robot: Robot) -> None:
     for name, link in assembled(robot).links.items():
         mass, center, tensor = link.inertial.placed()
         bounds = [solid.bounds() for solid in solids if solid.name == name]
-        expect(
-            bool(mass) == bool(bounds),
-            f"link {name!r} has {mass:g} kg and {len(bounds)} shapes; give it both",
-        )
+        what = f"link {name!r} has {mass:g} kg and {len(bounds)} shapes; give it both"
+        assert bool(mass) == bool(bounds), what
         if not mass:
             continue
 
         moments = np.linalg.eigvalsh(tensor)
-        real = moments[0] > 0 and moments[0] + moments[1] >= moments[2] * (1 - 1e-6)
         written = ", ".join(f"{moment:g}" for moment in moments)
-        expect(real, f"inertias {written} of {name!r}: no body has")
+        what = f"inertias {written} of {name!r}: no body has"
+        assert moments[0] > 0, what
+        assert moments[0] + moments[1] >= moments[2] * (1 - 1e-6), what
 
         middles, halves = np.swapaxes(bounds, 0, 1)
         low = np.min(middles - halves, axis=0)
@@ -102,11 +96,6 @@ def check_inertias_are_physical(robot: Robot) -> None:
         most = _SPREAD * float(np.linalg.norm(high - low))
         what = f"how far the mass of {name!r} lies from the middle of its shapes on average, m"
         between(what, spread, high=most)
-
-
-def _still(robot: Robot) -> JointTrajectory:
-    joints = arm_of(robot).home[None]
-    return JointTrajectory(np.zeros(1), joints, np.array([robot.opening_m]))
 
 
 def check_straight_lines_are_reached(robot: Robot) -> str:
@@ -150,15 +139,15 @@ def follow(simulator: Simulator, robot: Robot, where: str = "") -> float:
     home = arm.forward(arm.home)
     plan = np.array([[0.1, 0.2, -0.2, 0, 0.3, 0], [0.0, -0.2, -0.1, 0, 0, 0.5]])
     plan[:, :3] += home.position
-    planned = plan_motion(Waypoints(plan), home, arm)
-    outcome = _play(simulator, robot, Tool(), planned.trajectory, 0.5)
-    recording = film(outcome)
-    targets, _ = planned.trajectory.sample(recording.times)
-    lag = float(np.abs(recording.arm - targets).max())
+    way = plan_motion(Waypoints(plan), home, arm).trajectory
+    played = _play(simulator, robot, Tool(), way, 0.5)
+    targets, _ = way.sample(played.times)
+    joints = played.recording.arm
+    lag = float(np.abs(joints - targets).max())
     between(f"{where}how far the arm is off its trajectory, rad", lag, high=_LAG_RAD)
-    error = outcome.tracking_error_rad
+    error = played.outcome.tracking_error_rad
     near(f"{where}the tracking error, rad", error, lag, max(2e-3, 0.5 * lag))
-    end = arm.forward(recording.arm[-1]).position
+    end = arm.forward(joints[-1]).position
     near(f"{where}where the end-effector ends, m", end, plan[-1, :3], _END_M)
 
     return lag
@@ -167,12 +156,9 @@ def follow(simulator: Simulator, robot: Robot, where: str = "") -> float:
 def check_every_engine_holds_the_arm_at_home(robot: Robot) -> str:
     """It holds the bare arm, and the payload; the payload's centre is 5 cm below the flange."""
     weight = box("weight", (0.1, 0.1, 0.1), (0.0, 0.0, -0.05), mass=robot.payload_kg)
-    tools = {
-        "the bare arm": Tool(),
-        f"the arm with {robot.payload_kg:g} kg": Tool((weight,)),
-    }
+    loaded = f"the arm with {robot.payload_kg:g} kg"
     sags = []
-    for what, tool in tools.items():
+    for what, tool in (("the bare arm", Tool()), (loaded, Tool((weight,)))):
         for name, simulator in _engines():
             sag = hold(simulator, robot, tool, f"in {name} {what}")
             sags.append(f"{name} {what} {sag:.5f} rad")
@@ -182,9 +168,10 @@ def check_every_engine_holds_the_arm_at_home(robot: Robot) -> str:
 
 def hold(simulator: Simulator, robot: Robot, tool: Tool, what: str) -> float:
     """Check that the arm stays at home with a tool; return by how much it sags, radians."""
-    arm = arm_of(robot)
-    outcome = _play(simulator, robot, tool, _still(robot), 3.0)
-    sag = float(np.abs(film(outcome).arm - arm.home).max())
+    home = arm_of(robot).home
+    way = JointTrajectory(np.zeros(1), home[None], np.array([robot.opening_m]))
+    played = _play(simulator, robot, tool, way, 3.0)
+    sag = float(np.abs(played.recording.arm - home).max())
     between(f"by how much {what} sags at home, rad", sag, high=_REST_RAD)
     return sag
 
@@ -193,7 +180,7 @@ def hold(simulator: Simulator, robot: Robot, tool: Tool, what: str) -> float:
 def _engines() -> tuple[tuple[str, Simulator], ...]:
     """Make every engine that is installed and plays one job at a time."""
     found = tuple(named for named in simulators() if named[1].batch == 1)
-    expect(found, "no simulator plays one job at a time; a check needs one")
+    assert found, "no simulator plays one job at a time; a check needs one"
     return found
 
 
@@ -201,9 +188,10 @@ def _play(
     simulator: Simulator,
     robot: Robot,
     tool: Tool,
-    trajectory: JointTrajectory,
+    way: JointTrajectory,
     hold_s: float,
-) -> Outcome:
+) -> Film:
     task = Bodies(robot=robot)
     task.home = arm_of(robot).forward(arm_of(robot).home)  # type: ignore[misc]  # a class variable elsewhere
-    return play(simulator, task, Rollout(tool, trajectory, 0, 0.1, hold_s, 100.0))
+    job = Rollout(tool, way, 0, 0.1, hold_s, 100.0)
+    return Film(task.scene(0), play(simulator, task, job))

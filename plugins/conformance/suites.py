@@ -19,8 +19,6 @@ from plugins.conformance import (
     executor,
     fitness,
     free_bodies,
-    guards,
-    idle,
     impacts,
     joints,
     listener,
@@ -28,7 +26,6 @@ from plugins.conformance import (
     playing,
     robot,
     robots,
-    shapes,
     softs,
     task,
     tool,
@@ -51,19 +48,8 @@ def _checks(*modules: ModuleType) -> tuple[Check, ...]:
 
 
 SUITES = {
-    "sim": _checks(
-        output,
-        playing,
-        robot,
-        free_bodies,
-        shapes,
-        joints,
-        bonds,
-        impacts,
-        guards,
-        softs,
-    ),
-    "task": _checks(task, idle),
+    "sim": _checks(output, playing, robot, free_bodies, joints, bonds, impacts, softs),
+    "task": _checks(task),
     "robot": _checks(robots),
     "vlm": _checks(vlm),
     "tool": _checks(tool),

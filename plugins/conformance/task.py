@@ -1,6 +1,6 @@
 """Checks that every task must pass. Each takes a task and raises an AssertionError that says what is wrong.
 
-Nothing is stepped here; `plugins.conformance.idle` has the check that does.
+Nothing is stepped but in the last check, which takes the first engine that is installed.
 """
 
 from __future__ import annotations
@@ -12,19 +12,26 @@ import numpy as np
 
 from core.design import Tool
 from core.designs.start import SpawnRules
-from core.errors import UsageError
+from core.errors import UsageError, UserError
 from core.geometry import Array
 from core.goals import reaches
-from core.interfaces import Task
+from core.interfaces import Rollout, Task
 from core.robot.kinematics import arm_of
+from core.robot.trajectory import at_home
 from core.scene import Scene, State, Trace
+from core.solids.contacts import find_contacts, make_trace
 from core.solids.hindrances import find_hindrances
 from core.solids.standing import find_layout_warnings, find_overlaps
+from core.solids.tracks import SAMPLE_HZ
 from core.task import reward_of
 from core.values.layouts import NONE
-from plugins.conformance.shared import between, expect, expect_a, near
+from plugins.conformance.shared import LeftOut, between, expect_a, near, some_simulator
+from plugins.conformance.worlds import Film, play
 
 SEEDS = (0, 1, 2)  # layouts that are looked at
+MAX_DRIFT_M = 0.005  # of a body that nothing touches but what it rests on, in
+REST_S = 2.0
+MAX_IDLE_REWARD = 0.02
 
 
 def check_it_is_described(task: Task) -> None:
@@ -32,22 +39,14 @@ def check_it_is_described(task: Task) -> None:
 
     Its source, which a model may be shown, holds the name.
     """
-    expect(
-        task.name.isidentifier(),
-        f"the name {task.name!r} must be one word, for configs and folders",
-    )
-    expect(
-        len(task.description.split()) >= 5,
-        f"the description for the model is {task.description!r}",
-    )
-    expect(
-        "\n" not in task.description,
-        "the description is one paragraph, without line breaks",
-    )
-    expect(
-        task.name in task.source(),
-        "the source that a model is shown does not hold the task's name",
-    )
+    what = f"the name {task.name!r} must be one word, for configs and folders"
+    assert task.name.isidentifier(), what
+    what = f"the description for the model is {task.description!r}"
+    assert len(task.description.split()) >= 5, what
+    what = "the description is one paragraph, without line breaks"
+    assert "\n" not in task.description, what
+    what = "the source that a model is shown does not hold the task's name"
+    assert task.name in task.source(), what
     between("success_reward", task.success_reward, 1e-9, 1.0)
 
 
@@ -63,21 +62,16 @@ def check_one_seed_gives_one_layout(task: Task) -> None:
     """The same seed gives the same scene, and something in it can move."""
     scene = task.scene(3)
     expect_a(Scene, scene, "scene returned")
-    same = layout_of(scene) == layout_of(task.scene(3))
-    expect(
-        same, "one seed gives different layouts; draw from np.random.default_rng(seed)"
-    )
-    expect(
-        scene.free,
-        "nothing in the scene can move, so nothing can be earned; give a body a mass",
-    )
+    what = "one seed gives different layouts; draw from np.random.default_rng(seed)"
+    assert layout_of(scene) == layout_of(task.scene(3)), what
+    what = "nothing in the scene can move, so nothing can be earned; give a body a mass"
+    assert scene.free, what
 
 
 def check_goals_name_bodies_of_the_scene(task: Task) -> None:
     """Goals name what is in the scene, and each goal to reach is about some body."""
     scene = task.scene(0)
     expect_a(tuple, task.goals, "goals is")
-
     for goal in task.goals:
         try:
             goal.check_names(scene)
@@ -85,7 +79,7 @@ def check_goals_name_bodies_of_the_scene(task: Task) -> None:
             raise AssertionError(f"a goal names what is not there: {error}") from error
 
     for reach in reaches(task.goals):
-        expect(reach.subjects(scene.state()), f"{reach} is about no body")
+        assert reach.subjects(scene.state()), f"{reach} is about no body"
 
 
 def check_rewards_work_for_one_world_or_many(task: Task) -> None:
@@ -95,16 +89,14 @@ def check_rewards_work_for_one_world_or_many(task: Task) -> None:
     """
     begin = task.scene(0).state()
     rng = np.random.default_rng(0)
-    shifts = [
-        rng.normal(0, reach, begin.positions.shape)
-        for reach in (0.0, 0.05, 0.3, 1.0, 30.0)
-    ]
-    ends = [replace(begin, positions=begin.positions + shift) for shift in shifts]
+    ends = []
+    for reach in (0.0, 0.05, 0.3, 1.0, 30.0):
+        shift = rng.normal(0, reach, begin.positions.shape)
+        ends.append(replace(begin, positions=begin.positions + shift))
+
     many = reward_for(task, State.stack([begin] * len(ends)), State.stack(ends))
-    expect(
-        many.shape == (5,),
-        f"the reward of 5 worlds has the shape {many.shape}, not (5,)",
-    )
+    what = f"the reward of 5 worlds has the shape {many.shape}, not (5,)"
+    assert many.shape == (5,), what
     near("rewards", many, 0.5, 0.5)
     alone = [float(reward_for(task, begin, last)) for last in ends]
     near("what worlds earn together, and one by one", many, alone, 1e-9)
@@ -114,13 +106,12 @@ def reward_for(
     task: Task, first: State, last: State, trace: Trace | None = None
 ) -> Array:
     """What a task pays; without a ``trace`` nothing touched anything in between, and nothing was strained."""
-    between_them = trace
-    if between_them is None:
+    if trace is None:
         unstrained = np.zeros((*first.positions.shape[:-2], 2))
         strains = dict.fromkeys(task.scene(SEEDS[0]).breakable, unstrained)
-        between_them = Trace.of(first, last, forces={}, strains=strains)
+        trace = Trace.of(first, last, forces={}, strains=strains)
 
-    return np.asarray(reward_of(task, first, last, between_them))
+    return np.asarray(reward_of(task, first, last, trace))
 
 
 def check_the_arm_reaches_home_clear_of_the_scene(task: Task) -> None:
@@ -153,12 +144,55 @@ def check_variations_draw_layouts(task: Task) -> str:
     for name in task.variations:
         varied = copy(task)
         varied.variation = name
-        differ = layout_of(varied.scene(0)) != layout_of(varied.scene(1))
-        expect(
-            differ,
-            f"variation {name!r}: two seeds give the same layout; use self.draw(seed)",
+        what = (
+            f"variation {name!r}: two seeds give the same layout; use self.draw(seed)"
         )
+        assert layout_of(varied.scene(0)) != layout_of(varied.scene(1)), what
         for warning in find_layout_warnings(varied):
             raise AssertionError(warning)
 
     return ", ".join(task.variations) or "it has none"
+
+
+def check_nothing_happens_while_the_arm_waits(task: Task) -> str:
+    """Nothing drifts, and nothing is earned, while the arm is at home without a tool: a scene must not solve itself."""
+    try:
+        still = at_home(task)
+    except UserError as error:  # reported by the check of home
+        raise LeftOut("the arm does not reach home") from error
+
+    scene = task.scene(SEEDS[0])
+    spawn = scene.state()
+    earned = reward_for(task, spawn, spawn)
+    between("what doing nothing earns at spawn", earned, 0.0, MAX_IDLE_REWARD)
+
+    name, simulator = some_simulator(soft=bool(scene.softs))
+    job = Rollout(
+        Tool(),
+        still,
+        SEEDS[0],
+        hold_s=REST_S,
+        record_hz=SAMPLE_HZ,
+        forces=task.reads_trace,
+    )
+    outcome = play(simulator, task, job)
+    assert outcome.start is not None, "an outcome without an error has no start state"
+    assert outcome.end is not None, "an outcome without an error has no end state"
+    begin = scene.complete(outcome.start)
+    last = scene.complete(outcome.end)
+
+    is_launched = any(body.launched for body in scene.bodies)
+    if not (is_launched or any(joint.drive is not None for joint in scene.joints)):
+        ways = np.linalg.norm(last.positions - begin.positions, axis=-1)
+        for body, way in zip(begin.names, ways, strict=True):
+            what = f"in {name} {body!r} moves {1000 * way:.0f} mm within {REST_S:g} s while the arm waits at home"
+            mend = "put it where it can rest, or give it friction"
+            assert way < MAX_DRIFT_M, f"{what}; {mend}"
+
+    recording = Film(scene, outcome).recording
+    contacts = find_contacts(scene, task.robot, Tool(), recording)
+    earned = reward_for(task, begin, last, make_trace(scene, contacts))
+    what = f"what doing nothing earns after {REST_S:g} s in {name}"
+    between(what, earned, 0.0, MAX_IDLE_REWARD)
+
+    return f"in {name}"

@@ -14,17 +14,15 @@ from core.designs.rules import check_tool, given_tool
 from core.errors import UserError
 from core.interfaces import ToolRepresentation
 from core.plugins import TASK, installed
+from plugins.conformance.sample_tools import fingers, rigid
 from plugins.conformance.shared import (
     WILD,
     as_json,
     brief,
-    expect,
     expect_a,
-    fingers,
     near,
     read_or_refused,
     ready,
-    rigid,
     some_task,
 )
 
@@ -52,32 +50,27 @@ def check_given_tools_keep_the_rules(representation: ToolRepresentation) -> None
         except UserError as error:
             raise AssertionError(str(error)) from error
 
-    expect(
-        count or designs(representation),
-        "it gives no tool for any task, and writes none",
-    )
+    what = "it gives no tool for any task, and writes none"
+    assert count or designs(representation), what
 
 
 def check_the_schema_is_of_json(representation: ToolRepresentation) -> None:
     fields = representation.schema()
     expect_a(dict, fields, "schema returned")
     as_json(fields, "the schema")
-    if designs(representation):
-        expect(fields, "the schema has no fields, so a model can't describe a tool")
+    what = "the schema has no fields, so a model can't describe a tool"
+    assert fields or not designs(representation), what
 
 
 def check_the_instructions_name_every_field(representation: ToolRepresentation) -> None:
     if not designs(representation):
         return
     for gripper in (False, True):
-        text = representation.instructions(
-            brief(some_task(), representation, gripper=gripper)
-        )
+        asked = brief(some_task(), representation, gripper=gripper)
+        text = representation.instructions(asked)
         for name in representation.schema():
-            expect(
-                name in text,
-                f"the instructions don't name {name!r}, which the schema asks for",
-            )
+            what = f"the instructions don't name {name!r}, which the schema asks for"
+            assert name in text, what
 
 
 def check_tools_survive_dump_and_parse(representation: ToolRepresentation) -> None:
@@ -87,43 +80,29 @@ def check_tools_survive_dump_and_parse(representation: ToolRepresentation) -> No
     for tool in (rigid(), fingers()):
         data = representation.dump(tool)
         as_json(data, "what dump returned")
-        expect(
-            set(data) == set(representation.schema()),
-            f"dump returned {sorted(data)}; the schema has other fields",
-        )
+        what = f"dump returned {sorted(data)}; the schema has other fields"
+        assert set(data) == set(representation.schema()), what
         as_json(representation.abridge(tool), "what abridge returned")
+
         back = representation.parse(data, gripper=tool.gripper)
         check_tool(back, installed().default_robot)
-        wrote = tool.placed()
-        read = back.placed()
         for part, again in zip(tool.components, back.components, strict=True):
-            mount, pose = wrote[part.name]
-            mount_again, pose_again = read[again.name]
-            expect(
-                mount_again == mount,
-                f"a component on {mount} came back on {mount_again}",
-            )
-            near(
-                "where a component is, m, and its axes",
-                pose_again.matrix,
-                pose.matrix,
-                1e-4,
-            )
-            near(
-                "the size of a component, m",
-                again.shape.bounds[1],
-                part.shape.bounds[1],
-                1e-4,
-            )
+            mount, pose = tool.placed()[part.name]
+            mount_again, pose_again = back.placed()[again.name]
+            what = f"a component on {mount} came back on {mount_again}"
+            assert mount_again == mount, what
+            what = "where a component is, m, and its axes"
+            near(what, pose_again.matrix, pose.matrix, 1e-4)
+            size = part.shape.bounds[1]
+            near("the size of a component, m", again.shape.bounds[1], size, 1e-4)
             near("the mass of a component, kg", again.mass, part.mass, 1e-6)
 
 
 def check_nonsense_is_refused_with_a_reason(representation: ToolRepresentation) -> None:
     if not designs(representation):
         return
-    fields = representation.schema()
     sound = representation.dump(rigid())
     documents: list[dict[str, Any]] = [{}]
-    for name, value in product(fields, WILD):
+    for name, value in product(representation.schema(), WILD):
         documents.append({**sound, name: value})
     read_or_refused(representation.parse, Tool, documents)

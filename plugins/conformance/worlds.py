@@ -1,15 +1,16 @@
-"""Provide what the checks give a simulator: small worlds, and an arm that waits or moves in them."""
+"""Provide what the checks give a simulator: bodies, small worlds, and an arm that waits or moves in them."""
 
 from __future__ import annotations
 
-from functools import lru_cache
-from typing import NamedTuple, TypeVar
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 
 from core.design import DesignError, Tool
 from core.errors import UserError
-from core.geometry import Array, Pose
+from core.geometry import Array, Box, Pose, Shape, Vector
 from core.interfaces import (
     JointTrajectory,
     Outcome,
@@ -23,17 +24,79 @@ from core.interfaces import (
 from core.plugins import installed
 from core.robot.kinematics import Arm, arm_of
 from core.robot.trajectory import plan_motion
-from core.scene import Body, Bond, Joint, Scene, State
+from core.scene import Body, Bond, Color, Geom, Joint, Scene, State
 from core.simulation.engines import check_support, scene_of
-from plugins.conformance.shared import LeftOut, expect
+from plugins.conformance.shared import LeftOut
 
-T = TypeVar("T")
-Size = tuple[float, float, float]
+GREY: Color = (0.5, 0.5, 0.5, 1.0)
+FAR = (3.0, 3.0, 0.0)  # from the arm
 HOME = Pose(np.array([0.5, 0.0, 0.5]))
 GRAVITY = 9.81
-FILM_HZ = 100.0
 BARE = Tool()
 HAND = Tool(gripper=True)
+
+
+# --- bodies ----------------------------------------------------------------------------------------------------
+
+
+def make_body(
+    name: str, shape: Shape, position: Vector, mass: float = 0.0, **more: Any
+) -> Body:
+    """A grey body of one shape; without a mass it is fixed."""
+    return Body.of(name, shape, position, mass=mass, color=GREY, **more)
+
+
+def cube(
+    name: str = "cube",
+    at: Vector = (0.0, 0.0, 0.0),
+    side: float = 0.1,
+    mass: float = 1.0,
+) -> Body:
+    return make_body(name, Box((side, side, side)), at, mass)
+
+
+def compound(name: str, *parts: Geom, at: Vector, mass: float = 0.0) -> Body:
+    return Body(name, Pose.xyz_rpy(at), mass, parts, parts)
+
+
+def part(shape: Shape, *at: float) -> Geom:
+    return Geom(shape, Pose.xyz_rpy(at or (0.0, 0.0, 0.0)))
+
+
+def slope(tilt: float, friction: float) -> Body:
+    """A fixed slab 0.1 thick, far from the arm, that falls ``tilt`` radians toward +x; its frame is in its middle."""
+    slab = Box((4.0, 1.0, 0.1))
+    return make_body("slope", slab, FAR, rpy=(0.0, tilt, 0.0), friction=friction)
+
+
+# --- the arm ----------------------------------------------------------------------------------------------------
+
+
+def arm(robot: Robot | None = None) -> Arm:
+    """The arm of a robot, by default of the default one."""
+    return arm_of(robot or installed().default_robot)
+
+
+def opened(count: int = 1) -> Array:
+    """Targets (T,) of open fingers of the default robot."""
+    return np.full(count, installed().default_robot.opening_m)
+
+
+@lru_cache(maxsize=4)
+def still(robot: Robot | None = None) -> JointTrajectory:
+    """A trajectory that holds the arm at home, with open fingers."""
+    here = arm(robot)
+    joints = here.home_for(HOME)[None]
+    return JointTrajectory(np.zeros(1), joints, np.array([here.robot.opening_m]))
+
+
+def motion(plan: object, robot: Robot | None = None) -> JointTrajectory:
+    """The motion from home through waypoints (N, 6) or (N, 7), see `core.design.Candidate`."""
+    waypoints = Waypoints(np.array(plan, dtype=np.float64))
+    return plan_motion(waypoints, HOME, arm(robot)).trajectory
+
+
+# --- playing ----------------------------------------------------------------------------------------------------
 
 
 class Bodies(Task):
@@ -60,57 +123,6 @@ class Bodies(Task):
         return np.zeros(start.positions.shape[:-2])
 
 
-def arm(robot: Robot | None = None) -> Arm:
-    """The arm of a robot, by default of the default one."""
-    return arm_of(robot or installed().default_robot)
-
-
-def opened(count: int = 1) -> Array:
-    """Targets (T,) of open fingers of the default robot."""
-    return np.full(count, installed().default_robot.opening_m)
-
-
-@lru_cache(maxsize=4)
-def still(robot: Robot | None = None) -> JointTrajectory:
-    """A trajectory that holds the arm at home, with open fingers."""
-    here = arm(robot)
-    return JointTrajectory(
-        np.zeros(1), here.home_for(HOME)[None], np.array([here.robot.opening_m])
-    )
-
-
-def motion(plan: object, robot: Robot | None = None) -> JointTrajectory:
-    """The motion from home through waypoints (N, 6) or (N, 7), see `core.design.Candidate`."""
-    waypoints = Waypoints(np.array(plan, dtype=np.float64))
-    return plan_motion(waypoints, HOME, arm(robot)).trajectory
-
-
-def wait(
-    simulator: Simulator,
-    *bodies: Body,
-    seconds: float = 1.0,
-    settle_s: float = 0.0,
-    record_hz: float = 0.0,
-    tool: Tool = BARE,
-) -> Outcome:
-    """Simulate bodies while the arm stays at home."""
-    job = Rollout(tool, still(), 0, settle_s, seconds, record_hz)
-    return play(simulator, Bodies(*bodies), job)
-
-
-def move(
-    simulator: Simulator,
-    plan: object,
-    *bodies: Body,
-    tool: Tool = BARE,
-    record_hz: float = 0.0,
-    hold_s: float = 0.5,
-) -> Outcome:
-    """Simulate a motion through waypoints."""
-    job = Rollout(tool, motion(plan), 0, 0.1, hold_s, record_hz)
-    return play(simulator, Bodies(*bodies), job)
-
-
 def play(simulator: Simulator, task: Task, job: Rollout) -> Outcome:
     """Simulate one job of a task; it must not break.
 
@@ -123,49 +135,66 @@ def play(simulator: Simulator, task: Task, job: Rollout) -> Outcome:
         raise LeftOut(str(error)) from error
 
     (outcome,) = simulator.rollout(task, [job])
-    expect(outcome.error is None, f"a rollout broke: {outcome.error}")
+    assert outcome.error is None, f"a rollout broke: {outcome.error}"
     return outcome
 
 
-class Film(NamedTuple):
-    """What came of a scene: instants (T,), the states there with fixed bodies and joints, and all that was recorded."""
+@dataclass(frozen=True)
+class Film:
+    """What came of a scene that was played and recorded.
 
-    times: Array
-    states: State
-    recording: Recording
+    Attributes:
+        scene: that was played.
+        outcome: of the rollout.
+    """
+
+    scene: Scene
+    outcome: Outcome
+
+    @cached_property
+    def recording(self) -> Recording:
+        found = self.outcome.recording
+        assert found is not None, "record_hz was given, and nothing was recorded"
+        return found
+
+    @cached_property
+    def states(self) -> State:
+        """The states at each instant (T,), with fixed bodies and joints."""
+        return self.scene.complete(self.recording.states)
+
+    @property
+    def times(self) -> Array:
+        return self.recording.times
+
+    def path(self, name: str) -> Array:
+        """Where a body is at each instant, (T, 3) m."""
+        return self.states.position(name)
+
+    def spin(self, name: str) -> Array:
+        """How a body spins at the end, (3,) rad/s."""
+        last: Array = self.states.angular_velocities[-1, self.states.names.index(name)]
+        return last
+
+    def moved(self, name: str) -> float:
+        """How far a body ends from where it was put, m."""
+        first, *_, last = self.path(name)
+        return float(np.linalg.norm(last - first))
 
 
 def watch(
     simulator: Simulator,
-    scene: Scene,
-    seconds: float,
-    settle_s: float = 0.0,
-    hz: float = FILM_HZ,
+    *bodies: Body,
+    joints: tuple[Joint, ...] = (),
+    bonds: tuple[Bond, ...] = (),
     tool: Tool = BARE,
-    trajectory: JointTrajectory | None = None,
-    forces: bool = False,
+    way: JointTrajectory | None = None,
+    **job: Any,
 ) -> Film:
-    """Play a scene while the arm waits for so long, at first or after a trajectory, and record it."""
-    task = Bodies(*scene.bodies, joints=scene.joints, bonds=scene.bonds)
-    way = still() if trajectory is None else trajectory
-    job = Rollout(tool, way, 0, settle_s, seconds, hz, forces)
-    recording = film(play(simulator, task, job))
-    return Film(recording.times, scene.complete(recording.states), recording)
+    """Play bodies while the arm waits at home, or goes its way, and record that.
 
-
-def start(outcome: Outcome) -> State:
-    return _given(outcome.start, "an outcome without an error has no start state")
-
-
-def end(outcome: Outcome) -> State:
-    return _given(outcome.end, "an outcome without an error has no end state")
-
-
-def film(outcome: Outcome) -> Recording:
-    return _given(outcome.recording, "record_hz was given, and nothing was recorded")
-
-
-def _given(value: T | None, problem: str) -> T:
-    if value is None:
-        raise AssertionError(problem)
-    return value
+    ``job`` has further fields of the `Rollout`; by default nothing settles, and 100 instants a second are recorded.
+    """
+    task = Bodies(*bodies, joints=joints, bonds=bonds)
+    job = {"settle_s": 0.0, "record_hz": 100.0, **job}
+    outcome = play(simulator, task, Rollout(tool, way or still(), **job))
+    return Film(task.scene(0), outcome)

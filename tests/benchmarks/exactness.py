@@ -21,8 +21,16 @@ from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.scene import Body, State, table
 from core.support.cli import command, say, write_bytes
-from plugins.conformance.scenery import cube, make_body, stick
-from plugins.conformance.worlds import GRAVITY, HOME, Bodies, motion, still
+from plugins.conformance.sample_tools import stick
+from plugins.conformance.worlds import (
+    GRAVITY,
+    HOME,
+    Bodies,
+    cube,
+    make_body,
+    motion,
+    still,
+)
 from tests.benchmarks import measuring
 
 USAGE = "usage: python -m tests.benchmarks.exactness [robot=NAME] [sims=NAME,NAME,...] [output=FILE.json]"

@@ -2,8 +2,8 @@
 
 from core.geometry import Box
 from core.scene import Body
-from plugins.conformance.scenery import GREY, stick
-from plugins.conformance.worlds import HOME, Bodies
+from plugins.conformance.sample_tools import stick
+from plugins.conformance.worlds import GREY, HOME, Bodies
 
 TOP = 0.1
 

@@ -5,8 +5,7 @@ from dataclasses import replace
 from core.geometry import Box
 from core.goals import Placed
 from core.scene import Body
-from plugins.conformance.scenery import GREY
-from plugins.conformance.worlds import HOME, Bodies
+from plugins.conformance.worlds import GREY, HOME, Bodies
 
 CUBES = {"cube_1": (0.5, 0.2), "cube_2": (0.55, -0.2)}
 

@@ -3,7 +3,7 @@
 from core.design import Component, Tool, ToolJoint
 from core.geometry import Box, Pose
 from core.scene import Body, Geom
-from plugins.conformance.scenery import box
+from plugins.conformance.sample_tools import box
 
 JAW, GAP, THICK = 0.12, 0.034, 0.006  # of the jaws: length, distance and thickness
 

@@ -24,8 +24,8 @@ from core.simulation.pictures import (
     save_film,
 )
 from plugins.actions.anchored import AnchoredActions
-from plugins.conformance.scenery import cube, stick
-from plugins.conformance.worlds import Bodies
+from plugins.conformance.sample_tools import stick
+from plugins.conformance.worlds import Bodies, cube
 from tests.support import toys
 from tests.support.engines import SIMULATORS, mujoco_first, simulator
 from tests.support.rare import rare

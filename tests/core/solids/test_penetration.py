@@ -24,7 +24,7 @@ from core.plugins import installed
 from core.robot.trajectory import at_home
 from core.scene import Joint, Scene, table
 from core.solids.penetration import Explosion, findings
-from plugins.conformance.releases import hinge, hinged
+from plugins.conformance.joints import hinge, hinged
 from tests.support.panda import ARM, PANDA
 from tests.support.playing import evaluate_batch
 from tests.support.recordings import (

@@ -16,8 +16,8 @@ from core.simulation.attempt import Stage, plan_attempt, prepare
 from core.simulation.play import play as play_all
 from plugins.actions.anchored import AnchoredActions, AnchoredPlan
 from plugins.actions.blocks import Cost
-from plugins.conformance.scenery import GREY, box, stick
-from plugins.conformance.worlds import HOME, Bodies, arm
+from plugins.conformance.sample_tools import box, stick
+from plugins.conformance.worlds import GREY, HOME, Bodies, arm
 from tests.support.engines import every_simulator, simulator
 from tests.support.faults import Faulty
 from tests.support.playing import condition

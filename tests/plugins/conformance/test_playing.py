@@ -7,12 +7,12 @@ import pytest
 
 from core.interfaces import Ability, Block, Passed, World
 from core.simulation.engines import SteppingSimulator
-from plugins.conformance.guards import check_that_touch_ends_at_a_wall
 from plugins.conformance.impacts import check_forces_are_those_that_press
 from plugins.conformance.playing import (
     check_fast_ways_are_what_steps_give,
     check_motors_bear_what_statics_says,
     check_scene_of_the_job_is_played,
+    check_that_touch_ends_at_a_wall,
 )
 from plugins.conformance.shared import LeftOut
 

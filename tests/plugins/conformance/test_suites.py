@@ -31,9 +31,9 @@ from core.plugins import KINDS, Offer, PluginPart, installed
 from core.scene import Body, Box, Scene, Sphere, floor, table
 from plugins.conformance import conformance_command as conformance
 from plugins.conformance import executor
-from plugins.conformance.scenery import GREY
 from plugins.conformance.shared import ready
 from plugins.conformance.suites import SUITES, examine, subject
+from plugins.conformance.worlds import GREY
 from tests.support.panda import on_panda
 from tests.support.rare import mostly
 

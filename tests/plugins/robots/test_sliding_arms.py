@@ -118,8 +118,9 @@ def test_its_slide_bears_what_its_force_allows(engine, read, share, held):
 @every_simulator
 def test_what_its_motor_bears_is_its_weight(engine, read):
     robot = read()
-    still = robots._still(robot)
-    played = robots._play(simulator(engine), robot, Tool(), still, 1.0)
+    home = arm_of(robot).home[None]
+    still = JointTrajectory(np.zeros(1), home, np.array([robot.opening_m]))
+    played = robots._play(simulator(engine), robot, Tool(), still, 1.0).outcome
     weight = scara.QUILL_KG * GRAVITY
     assert played.torques[2] == pytest.approx(weight, rel=0.05)
     assert np.abs(played.torques[[0, 1, 3]]).max() < 0.5  # about the vertical

@@ -13,20 +13,19 @@ from core.plugins import installed
 from core.scene import Body, table
 from core.simulation.playback import play
 from plugins.conformance.output import bits
-from plugins.conformance.scenery import GREY, cube, slope, stick
+from plugins.conformance.sample_tools import stick
 from plugins.conformance.worlds import (
     BARE,
     GRAVITY,
+    GREY,
     HAND,
     Bodies,
-    end,
-    film,
+    cube,
     motion,
-    move,
-    start,
+    slope,
     still,
-    wait,
 )
+from tests.support.worlds import end, film, move, start, wait
 
 pytest.importorskip("mujoco")
 

@@ -12,8 +12,8 @@ from core.interfaces import Rollout
 from core.plugins import installed
 from core.scene import Body, Drive, Joint, Latch, Scene
 from core.simulation.playback import play
-from plugins.conformance.scenery import FAR, cube
-from plugins.conformance.worlds import BARE, GRAVITY, Bodies, end, film, start, still
+from plugins.conformance.worlds import BARE, FAR, GRAVITY, Bodies, cube, still
+from tests.support.worlds import end, film, start
 
 pytest.importorskip("mujoco")
 

@@ -15,11 +15,12 @@ from core.geometry import Box
 from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
 from core.scene import Body, Joint, Scene, table
-from plugins.conformance import free_bodies, joints, output, robot, shapes
+from plugins.conformance import free_bodies, joints, output, robot
 from plugins.conformance.output import bits
-from plugins.conformance.scenery import GREY, cube, stick
-from plugins.conformance.worlds import BARE, Bodies, end, film, motion, start, still
+from plugins.conformance.sample_tools import stick
+from plugins.conformance.worlds import BARE, GREY, Bodies, cube, motion, still
 from tests.support.playing import evaluate_batch
+from tests.support.worlds import end, film, start
 
 pytest.importorskip("mujoco_warp")
 
@@ -37,7 +38,7 @@ CHECKS = (
     robot.check_gripper_lifts_what_it_can,
     free_bodies.check_free_fall,
     joints.check_joints_of_tools_move_as_formulas_say,
-    shapes.check_hollow_tool_is_hollow,
+    free_bodies.check_hollow_tool_is_hollow,
     output.check_start_is_after_settling,
     output.check_states_name_the_free_bodies_in_order,
 )

@@ -5,9 +5,10 @@ import pytest
 from core.plugins import installed
 from core.scene import table
 from plugins.conformance.output import bits
-from plugins.conformance.scenery import cube, stick
-from plugins.conformance.worlds import move
+from plugins.conformance.sample_tools import stick
+from plugins.conformance.worlds import cube
 from tests.support.tongs import hammer
+from tests.support.worlds import move
 
 pytest.importorskip("pybullet")
 

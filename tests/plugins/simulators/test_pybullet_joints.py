@@ -12,9 +12,9 @@ from core.geometry import Box, Pose
 from core.interfaces import Rollout
 from core.plugins import installed
 from core.scene import Body, Drive, Joint, Latch, Scene, table
-from plugins.conformance.scenery import FAR, GREY, cube
-from plugins.conformance.worlds import BARE, GRAVITY, Bodies, film, still
+from plugins.conformance.worlds import BARE, FAR, GRAVITY, GREY, Bodies, cube, still
 from tests.support.tongs import hammer
+from tests.support.worlds import film
 
 pytest.importorskip("pybullet")
 SMALL = Box((0.1, 0.02, 0.02))

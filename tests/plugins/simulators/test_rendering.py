@@ -8,8 +8,7 @@ from core.errors import NoPicture
 from core.interfaces import Simulator
 from core.plugins import Offer, installed
 from core.scene import Camera, floor, table
-from plugins.conformance.scenery import cube
-from plugins.conformance.worlds import HOME, Bodies
+from plugins.conformance.worlds import HOME, Bodies, cube
 from plugins.simulators.rendering import DrawingSimulator, Renderer
 from tests.support.engines import simulator
 from tests.support.panda import ARM, FINGER_OPEN, PANDA

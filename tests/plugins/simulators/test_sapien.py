@@ -11,8 +11,8 @@ from core.geometry import Box
 from core.interfaces import Order, Rollout
 from core.plugins import installed
 from core.scene import Body, Joint, table
-from plugins.conformance.scenery import GREY, cube, slope
-from plugins.conformance.worlds import BARE, GRAVITY, Bodies, end, film, still, wait
+from plugins.conformance.worlds import BARE, GRAVITY, GREY, Bodies, cube, slope, still
+from tests.support.worlds import end, film, wait
 
 pytest.importorskip("sapien", exc_type=ImportError)
 

@@ -11,11 +11,12 @@ from core.geometry import Box
 from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
 from core.scene import Body, floor, table
-from plugins.conformance.scenery import GREY, cube, stick
-from plugins.conformance.worlds import BARE, HAND, Bodies, end, film, move, still, wait
+from plugins.conformance.sample_tools import stick
+from plugins.conformance.worlds import BARE, GREY, HAND, Bodies, cube, still
 from tests.support.engines import every_simulator, simulator
 from tests.support.packages import without
 from tests.support.panda import FINGER_OPEN
+from tests.support.worlds import end, film, move, wait
 
 SMALL = [
     "budget=tiny",

@@ -22,10 +22,10 @@ from core.scene import (
     Sphere,
 )
 from core.solids.contacts import find_contacts, make_trace
-from plugins.conformance.scenery import FAR, GREY, cube
 from plugins.conformance.softs import soft
-from plugins.conformance.worlds import BARE, Bodies, end, film, still
+from plugins.conformance.worlds import BARE, FAR, GREY, Bodies, cube, still
 from plugins.simulators.mujoco.simulator import MuJoCoSimulator
+from tests.support.worlds import end, film
 
 X, Y, _ = FAR
 BAR = Body.of(

@@ -10,7 +10,7 @@ from core.designs.springs import bound_speeds, measure_lightness
 from core.designs.start import SpawnRules
 from core.geometry import Box, Pose
 from core.values.materials import PAPER, Material
-from plugins.conformance.releases import hinged, sliding
+from plugins.conformance.joints import hinged, sliding
 from plugins.tools.joint_rules import check_joints
 from tests.support.panda import PANDA, on_panda
 from tests.support.scenes import CubeOnTable

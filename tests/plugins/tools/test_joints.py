@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from core.design import DesignError, ToolJoint
 from core.plugins import installed
-from plugins.conformance.releases import hinge, hinged, sliding
+from plugins.conformance.joints import hinge, hinged, sliding
 from tests.support.drawn_tools import instructions_of
 from tests.support.tongs import tongs
 

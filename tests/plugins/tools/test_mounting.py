@@ -4,7 +4,8 @@ import pytest
 from core.design import Component, Tool
 from core.designs.rules import check_tool
 from core.geometry import Box, Pose
-from plugins.conformance.shared import LengthOnly, brief
+from plugins.conformance.sample_tools import LengthOnly
+from plugins.conformance.shared import brief
 from plugins.tools.mounting import describe_mount, first_box
 from tasks.one_book import OneBook
 from tests.support.panda import PANDA, on_panda
