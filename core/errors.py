@@ -7,7 +7,8 @@ import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Self, TypeVar
+from enum import Enum
+from typing import Any, Self, TypeVar
 
 T = TypeVar("T")
 
@@ -41,30 +42,29 @@ class Refusal:
         return {"code": self.code, "values": values}
 
 
-class Reason:
-    """An entry of the catalogue of refusals: a code that stays, and words in which values stand by their names.
+CATALOGUE: dict[str, str] = {}
+"""The words of each code of a `Reason`."""
 
-    For example::
 
-        COUNT = Reason("E_COUNT", "the tool has {count} components; at most {most} are allowed")
-        raise DesignError.because(COUNT, count=101, most=100)
+class Reason(Enum):
+    """The catalogue of refusals: of each a code that stays, and words in which values stand by their names.
 
-    Args:
-        code: begins with ``E_``.
-        words: a format string.
+    The code of ``COUNT`` is ``E_COUNT``. For example::
+
+        class ToolReason(Reason):
+            COUNT = "the tool has {count} components; at most {most} are allowed"
+
+        raise DesignError.because(ToolReason.COUNT, count=101, most=100)
 
     Raises:
         ValueError: another reason has this code.
     """
 
-    catalogue: ClassVar[dict[str, str]] = {}
-    """The words of each code."""
-
-    def __init__(self, code: str, words: str) -> None:
-        if self.catalogue.setdefault(code, words) != words:
-            raise ValueError(f"two reasons have the code {code}")
-        self.code = code
+    def __init__(self, words: str) -> None:
+        self.code = f"E_{self.name}"
         self.words = words
+        if CATALOGUE.setdefault(self.code, words) != words:
+            raise ValueError(f"two reasons have the code {self.code}")
 
     def refusal(self, **values: Any) -> Refusal:
         """Make the refusal for these values; numpy's numbers become Python's."""
@@ -169,8 +169,11 @@ class SharedByThreads(UserError):
     """Two threads of a process play at once; the message says what to do."""
 
 
-UNKNOWN = Reason("E_UNKNOWN", "no {kind} {name!r}; possible: {possible}")
-BEYOND_0 = Reason("E_NOT_POSITIVE", "{name} must be greater than 0, got {given}")
+class SettingReason(Reason):
+    """What a setting breaks."""
+
+    UNKNOWN = "no {kind} {name!r}; possible: {possible}"
+    NOT_POSITIVE = "{name} must be greater than 0, got {given}"
 
 
 class Fault(Exception):
@@ -213,7 +216,9 @@ def check_positive(where: str, **numbers: float | None) -> None:
     """
     for name, number in numbers.items():
         if number is not None and not (math.isfinite(number) and number > 0):
-            raise UsageError.because(BEYOND_0, name=where + name, given=number)
+            raise UsageError.because(
+                SettingReason.NOT_POSITIVE, name=where + name, given=number
+            )
 
 
 class WrongPart(CodedError, ValueError):
@@ -263,6 +268,6 @@ def choices(
     )
     place = f" in {where}" if where else ""
     listed = ", ".join(known) or "none"
-    refusal = UNKNOWN.refusal(kind=kind, name=wrong, possible=known)
+    refusal = SettingReason.UNKNOWN.refusal(kind=kind, name=wrong, possible=known)
     message = f"no {kind} {wrong!r}{place}{hint}; possible: {listed}"
     return UsageError(message).coded(refusal)

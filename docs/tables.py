@@ -10,7 +10,7 @@ from dataclasses import MISSING, Field, fields
 from pathlib import Path
 
 from core import geometry, goals
-from core.errors import Reason
+from core.errors import CATALOGUE
 from core.goals import Goal, Limit, Reach
 from core.support import inputs  # noqa: F401  # has codes
 
@@ -80,7 +80,7 @@ def refusal_table() -> str:
         importlib.import_module(module.replace("/", "."))
 
     rows = []
-    for code, words in sorted(Reason.catalogue.items()):
+    for code, words in sorted(CATALOGUE.items()):
         shown = re.sub(r"(?<!\{)\{(\w+)[^{}]*\}", r"{\1}", words)
         rows.append((f"`{code}`", shown.replace("<", "&lt;")))
 

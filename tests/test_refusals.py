@@ -13,7 +13,7 @@ import docs.tables
 from core.design import RIGID_MOUNT, Candidate, Component, DesignError, Tool
 from core.designs.plan_rules import check_motion
 from core.designs.rules import check_tool
-from core.errors import Reason, Refusal, UserError, check_positive
+from core.errors import CATALOGUE, Reason, Refusal, UserError, check_positive
 from core.geometry import Box, Pose
 from core.interfaces import JointTrajectory, RolloutSettings
 from core.plugins import installed
@@ -23,6 +23,7 @@ from core.store.columns import trial_row
 from core.store.rows import load_trial
 from core.trial import Trial, Where
 from core.values.materials import PAPER, Material
+from core.values.refusals import DesignReason
 from plugins.tools.urdf.representation import UrdfTools
 from tests.support.panda import ARM, PANDA, on_panda
 from tests.support.refusing import (
@@ -175,17 +176,16 @@ def test_every_code_is_provoked():
     codes = {row.code for row in ROWS}
     for file in Path(__file__).parent.rglob("test_*.py"):
         codes.update(re.findall(r'"(E_[A-Z_]+)"', file.read_text("utf-8")))
-    assert sorted(Reason.catalogue.keys() - codes) == []
+    assert sorted(CATALOGUE.keys() - codes) == []
 
 
 def test_a_code_has_one_meaning():
     with pytest.raises(ValueError, match="two reasons have the code E_COUNT"):
-        Reason("E_COUNT", "something else")
+        Reason("Again", {"COUNT": "something else"})
 
 
 def test_codes_pass_up_with_what_was_added_to_the_words():
-    reason = Reason("E_COUNT", Reason.catalogue["E_COUNT"])
-    inner = DesignError.because(reason, count=np.int64(101), most=100)
+    inner = DesignError.because(DesignReason.COUNT, count=np.int64(101), most=100)
     placed = inner.placed("fixture: ", part="fixture")
     assert str(placed) == f"fixture: {inner}"
     (refusal,) = placed.refusals

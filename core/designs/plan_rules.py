@@ -16,7 +16,7 @@ from core.robot.paths import KNOT_M, KNOT_RAD
 from core.scene import Scene
 from core.solids.record_rate import sample_hz
 from core.support.text import kind
-from core.values import refusals
+from core.values.refusals import DesignReason
 
 MAX_WAYPOINTS = 200
 """The most waypoints of a plan."""
@@ -63,11 +63,11 @@ def check_plan(plan: object, *, gripper: bool) -> Array:
         plan = plan.tolist()
 
     if not isinstance(plan, list | tuple):
-        raise DesignError.because(refusals.PLAN_LIST, given=kind(plan))
+        raise DesignError.because(DesignReason.PLAN_LIST, given=kind(plan))
 
     if not 1 <= len(plan) <= MAX_WAYPOINTS:
         raise DesignError.because(
-            refusals.PLAN_COUNT, count=len(plan), least=1, most=MAX_WAYPOINTS
+            DesignReason.PLAN_COUNT, count=len(plan), least=1, most=MAX_WAYPOINTS
         )
 
     faults = Faults()
@@ -89,7 +89,7 @@ def check_waypoint(waypoint: object, where: str, gripper: bool) -> None:
 
     if not isinstance(waypoint, list | tuple):
         raise DesignError.because(
-            refusals.WAYPOINT_LIST,
+            DesignReason.WAYPOINT_LIST,
             where=where,
             needed=len(names),
             given=kind(waypoint),
@@ -97,7 +97,7 @@ def check_waypoint(waypoint: object, where: str, gripper: bool) -> None:
 
     if len(waypoint) != len(names):
         raise DesignError.because(
-            refusals.WAYPOINT_COUNT,
+            DesignReason.WAYPOINT_COUNT,
             where=where,
             count=len(waypoint),
             needed=len(names),
@@ -109,12 +109,12 @@ def check_waypoint(waypoint: object, where: str, gripper: bool) -> None:
         least, most, unit = limits
         if isinstance(number, bool) or not isinstance(number, int | float):
             faults.add(
-                refusals.WAYPOINT_NUMBER, where=where, name=name, given=kind(number)
+                DesignReason.WAYPOINT_NUMBER, where=where, name=name, given=kind(number)
             )
         # Refuses nan, and integers that are too large for a float, too.
         elif not least <= number <= most:
             faults.add(
-                refusals.WAYPOINT_RANGE,
+                DesignReason.WAYPOINT_RANGE,
                 where=where,
                 name=name,
                 given=number,
@@ -127,7 +127,7 @@ def check_waypoint(waypoint: object, where: str, gripper: bool) -> None:
     away = math.hypot(*waypoint[:3])
     if away > MAX_REACH_M:
         raise DesignError.because(
-            refusals.WAYPOINT_FAR, where=where, away_m=away, most_m=MAX_REACH_M
+            DesignReason.WAYPOINT_FAR, where=where, away_m=away, most_m=MAX_REACH_M
         )
 
 
@@ -140,7 +140,7 @@ def _check_length(poses: Array) -> None:
 
     if knots.sum() > MAX_KNOTS:
         raise DesignError.because(
-            refusals.WAY_LENGTH,
+            DesignReason.WAY_LENGTH,
             way_m=metres.sum(),
             turn_rad=radians.sum(),
             steps=int(knots.sum()),
@@ -190,7 +190,7 @@ def check_tempo(plan: Waypoints, home: Pose, most_s: float) -> None:
     for name, asked in (("speed", tempo.speeds), ("time", tempo.seconds)):
         for k in np.flatnonzero(asked < MIN_TEMPO)[:1]:
             raise DesignError.because(
-                refusals.TEMPO,
+                DesignReason.TEMPO,
                 waypoint=k + 1,
                 name=name,
                 given=asked[k],
@@ -204,7 +204,7 @@ def check_tempo(plan: Waypoints, home: Pose, most_s: float) -> None:
     seconds = float(np.nansum(asked) + tempo.waits.sum())
 
     if seconds > most_s:
-        raise DesignError.because(refusals.PLAN_TIME, time_s=seconds, most_s=most_s)
+        raise DesignError.because(DesignReason.PLAN_TIME, time_s=seconds, most_s=most_s)
 
 
 def check_motion(
@@ -232,7 +232,7 @@ def check_motion(
     most = settings.max_motion_s
 
     if seconds > most:
-        raise DesignError.because(refusals.MOTION_TIME, time_s=seconds, most_s=most)
+        raise DesignError.because(DesignReason.MOTION_TIME, time_s=seconds, most_s=most)
 
     if settings.penetration == "ignore" and not settings.observe:
         return 0.0
@@ -243,7 +243,7 @@ def check_motion(
 
     if poses > MAX_POSES:
         raise DesignError.because(
-            refusals.MOTION_POSES,
+            DesignReason.MOTION_POSES,
             count=count,
             rate_hz=hz,
             time_s=seconds,

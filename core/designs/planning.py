@@ -28,7 +28,7 @@ from core.plugins import ACTION, PluginPart
 from core.plugins.blame import call_part
 from core.scene import Scene
 from core.support.text import kind
-from core.values import refusals
+from core.values.refusals import DesignReason
 
 # Keep these random numbers apart from others of the same seed.
 _NOISE = 7
@@ -43,7 +43,7 @@ def named_actions(design: dict[Any, Any]) -> ActionRepresentation:
     """
     name = design.get("action", Waypoints.action)
     if not isinstance(name, str):
-        raise DesignError.because(refusals.ACTION_WORD, given=kind(name))
+        raise DesignError.because(DesignReason.ACTION_WORD, given=kind(name))
 
     part: PluginPart[ActionRepresentation] = PluginPart(ACTION.name, name)
     try:

@@ -26,8 +26,8 @@ from core.robot.solids import (
     solids_of,
 )
 from core.support.text import short_numbers, shorten
-from core.values import refusals
 from core.values.materials import PAPER, Material
+from core.values.refusals import DesignReason
 
 MAX_COMPONENTS = 100
 """The most components of a tool."""
@@ -92,7 +92,7 @@ def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
         check_gripper(robot)
     if not tool.components:
         mounts = " or ".join(tool.mounts)
-        raise DesignError.because(refusals.NO_COMPONENTS, mounts=mounts)
+        raise DesignError.because(DesignReason.NO_COMPONENTS, mounts=mounts)
 
     _check_components(tool, material)
     faults = Faults()
@@ -121,7 +121,7 @@ def _check_components(tool: Tool, material: Material) -> None:
     """Check the number of components, and each by itself."""
     count = len(tool.components)
     if count > MAX_COMPONENTS:
-        raise DesignError.because(refusals.COUNT, count=count, most=MAX_COMPONENTS)
+        raise DesignError.because(DesignReason.COUNT, count=count, most=MAX_COMPONENTS)
 
     faults = Faults()
     for component in tool.components:
@@ -157,7 +157,7 @@ class Faults(list[DesignError]):
 def _check_tool_mass(tool: Tool) -> None:
     if tool.mass < MIN_TOOL_KG:
         raise DesignError.because(
-            refusals.TOO_LIGHT, mass_kg=tool.mass, least_kg=MIN_TOOL_KG
+            DesignReason.TOO_LIGHT, mass_kg=tool.mass, least_kg=MIN_TOOL_KG
         )
 
 
@@ -168,18 +168,18 @@ def check_gripper(robot: Robot) -> None:
         DesignError: it has none.
     """
     if robot.gripper is None:
-        raise DesignError.because(refusals.NO_GRIPPER, robot=robot.title)
+        raise DesignError.because(DesignReason.NO_GRIPPER, robot=robot.title)
 
 
 def _check_component(component: Component) -> None:
     """Check a component's name and sizes."""
     if not NAME.fullmatch(component.name):
-        raise DesignError.because(refusals.NAME, name=shorten(component.name))
+        raise DesignError.because(DesignReason.NAME, name=shorten(component.name))
 
     for axis, side in zip("xyz", component.shape.bounds[1].tolist(), strict=True):
         if not MIN_SIDE_M <= side <= MAX_SIDE_M:
             raise DesignError.because(
-                refusals.SIDE,
+                DesignReason.SIDE,
                 component=component.name,
                 axis=axis,
                 side_m=side,
@@ -193,7 +193,7 @@ def _check_mass(component: Component) -> None:
     mass = component.mass
     if not MIN_COMPONENT_KG <= mass <= MAX_COMPONENT_KG:
         raise DesignError.because(
-            refusals.MASS,
+            DesignReason.MASS,
             component=component.name,
             mass_kg=mass,
             least_kg=MIN_COMPONENT_KG,
@@ -203,7 +203,7 @@ def _check_mass(component: Component) -> None:
     density = mass / component.shape.volume
     if not MIN_DENSITY <= density <= MAX_DENSITY:
         raise DesignError.because(
-            refusals.DENSITY,
+            DesignReason.DENSITY,
             component=component.name,
             mass_kg=mass,
             volume_m3=component.shape.volume,
@@ -221,7 +221,7 @@ def _check_extent(tool: Tool) -> None:
         reach = float(np.linalg.norm(pose.apply(component.shape.corners), axis=1).max())
         if reach > MAX_EXTENT_M:
             raise DesignError.because(
-                refusals.EXTENT,
+                DesignReason.EXTENT,
                 component=component.name,
                 reach_m=reach,
                 mount=mount,
@@ -279,7 +279,7 @@ def check_contacts(tool: Tool, robot: Robot | None) -> Mapping[str, Array]:
         if gap > most:
             way = describe_way(frame.rotation.apply(gap * direction), mount)
             faults.add(
-                refusals.GAP,
+                DesignReason.GAP,
                 component=name,
                 gap_mm=1000 * gap,
                 neighbour=neighbour,

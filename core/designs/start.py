@@ -26,7 +26,7 @@ from core.robot.solids import (
 )
 from core.scene import Scene
 from core.solids.escape import Trap, find_trap
-from core.values import refusals
+from core.values.refusals import DesignReason
 
 MAX_ARM_OVERLAP_M = 0.001  # at the start; the scene may not even be touched
 _CLEAR_M = 0.001  # from what it overlapped, by the way out
@@ -179,7 +179,7 @@ class _Overlap(NamedTuple):
             depth = f"{1000 * self.depth_m:.1f} mm inside"
 
         return DesignError.because(
-            refusals.START_INSIDE,
+            DesignReason.START_INSIDE,
             component=self.component,
             depth=depth,
             depth_mm=1000 * self.depth_m,
@@ -346,7 +346,7 @@ def _describe_trap(
 
     x, y, z = (round(float(value), 1) + 0.0 for value in trap.direction)
     yield DesignError.because(
-        refusals.TRAPPED,
+        DesignReason.TRAPPED,
         what=what,
         direction=f"({x:g}, {y:g}, {z:g})",
         part=part,

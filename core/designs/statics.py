@@ -9,8 +9,8 @@ import numpy as np
 from core.design import DesignError, Tool
 from core.interfaces import Robot
 from core.robot.kinematics import arm_of, open_mounts
-from core.values import refusals
 from core.values.materials import Material
+from core.values.refusals import DesignReason
 
 GRAVITY = 9.81  # m/s^2
 
@@ -75,7 +75,7 @@ def check_weight(tool: Tool, robot: Robot, material: Material) -> None:
 
     if tool.mass > most_kg:
         raise DesignError.because(
-            refusals.TOO_HEAVY, most_kg=most_kg, limit=why, **weighs
+            DesignReason.TOO_HEAVY, most_kg=most_kg, limit=why, **weighs
         )
     if material.density_kg_m3 is None:
         return
@@ -84,7 +84,7 @@ def check_weight(tool: Tool, robot: Robot, material: Material) -> None:
     most = moment_limit(robot)
     if moment > most:
         raise DesignError.because(
-            refusals.MOMENT,
+            DesignReason.MOMENT,
             moment_n_m=moment,
             most_n_m=most,
             away_m=moment / GRAVITY / tool.mass,

@@ -18,7 +18,7 @@ from core.design import DesignError, Tool
 from core.designs.rules import MAX_BEND_M_N, MAX_LOAD_N, check_contacts
 from core.geometry import Array
 from core.interfaces import Material, Robot
-from core.values import refusals
+from core.values.refusals import DesignReason
 
 POINT_M = 1e-6  # what is shorter is no beam, and has no section
 
@@ -157,7 +157,7 @@ def check_stiffness(tool: Tool, robot: Robot, material: Material) -> None:
     """
     weakness = find_weakness(tool, robot, material)
     if weakness is not None:
-        raise DesignError.because(refusals.WEAK, weakness=str(weakness))
+        raise DesignError.because(DesignReason.WEAK, weakness=str(weakness))
 
 
 class Weakness(NamedTuple):

@@ -23,7 +23,7 @@ from core.plugins.blame import call_part
 from core.robot.solids import Solid, closest, solids_of
 from core.scene import FIXTURE, Region
 from core.support.text import clean, kind
-from core.values import refusals
+from core.values.refusals import DesignReason
 
 MAX_OVERLAP_M = 1e-4
 """The most that a fixture may be inside anything at the start."""
@@ -46,7 +46,7 @@ def read_fields(
     if isinstance(design, Unread):
         raise DesignError(design.reason)
     if not isinstance(design, dict):
-        raise DesignError.because(refusals.NO_OBJECT, what=what, given=kind(design))
+        raise DesignError.because(DesignReason.NO_OBJECT, what=what, given=kind(design))
     return reader().read_fields(design, call_part(representation, "schema", dict))
 
 
@@ -61,7 +61,7 @@ def read_gripper(fields: Fields, given: Tool | None, task: Task) -> bool:
 
     gripper = fields.get("gripper", False)
     if not isinstance(gripper, bool):
-        raise DesignError.because(refusals.GRIPPER_WORD, given=kind(gripper))
+        raise DesignError.because(DesignReason.GRIPPER_WORD, given=kind(gripper))
 
     if gripper:
         check_gripper(task.robot)
@@ -124,13 +124,13 @@ def _read_fixture(
     if given is None:
         return None
     if task.fixture is None:
-        raise DesignError.because(refusals.NO_PLACE, task=task.name)
+        raise DesignError.because(DesignReason.NO_PLACE, task=task.name)
     fields = read_fields(given, representation, "'fixture'")
     numbers: Any = fields.get("pose")
     check_waypoint(numbers, "fixture: pose", gripper=False)
     parts: Tool = call_part(representation, "parse", Tool, fields, gripper=False)
     if parts.bearers:
-        raise DesignError.because(refusals.FIXTURE_JOINT)
+        raise DesignError.because(DesignReason.FIXTURE_JOINT)
     pose = Pose.xyz_rpy(numbers[:3], numbers[3:])
     # A design does not choose which way is up where goals measure at it.
     return Fixture(representation.material.made(parts), pose).upright
@@ -169,7 +169,7 @@ def find_fixture_faults(
         parts = solids_of(component.name, component.shape, fixture.pose @ pose)
         if any(not region.holds(*part.bounds()) for part in parts):
             yield DesignError.because(
-                refusals.FIXTURE_OUTSIDE,
+                DesignReason.FIXTURE_OUTSIDE,
                 component=name,
                 low=region.low,
                 high=region.high,
@@ -182,7 +182,7 @@ def find_fixture_faults(
                 least = min(least, gap)
             if gap < -MAX_OVERLAP_M:
                 yield DesignError.because(
-                    refusals.FIXTURE_INSIDE,
+                    DesignReason.FIXTURE_INSIDE,
                     component=name,
                     depth_mm=-1000 * gap,
                     other=other.name,
@@ -190,5 +190,5 @@ def find_fixture_faults(
 
         if component.parent in fixture.parts.mounts and least > MAX_MOUNT_GAP_M:
             yield DesignError.because(
-                refusals.FIXTURE_HANGS, component=name, gap_mm=1000 * least
+                DesignReason.FIXTURE_HANGS, component=name, gap_mm=1000 * least
             )

@@ -33,7 +33,7 @@ from core.solids.penetration import Finding
 from core.solids.record_rate import MAX_HZ
 from core.solids.self_collision import find_self_collision
 from core.trial import Condition, Status, Trial
-from core.values import refusals
+from core.values.refusals import DesignReason
 from core.values.traces import TRACE_HZ
 
 # Layouts and engines share what is made of one plan. A task of a third party may not be hashable.
@@ -69,7 +69,7 @@ def prepare(
     most_s = plan.most_seconds(settings.perception.look_s)
     if most_s > settings.max_motion_s:
         raise DesignError.because(
-            refusals.LOOP_TIME, time_s=most_s, most_s=settings.max_motion_s
+            DesignReason.LOOP_TIME, time_s=most_s, most_s=settings.max_motion_s
         )
 
     waypoints = resolve(plan, task, seed, settings, scene)
@@ -124,7 +124,7 @@ def plan_on(
         if collision is not None:
             where = collision.describe(motion.arrivals)
             raise DesignError.because(
-                refusals.ARM_IN_ITSELF,
+                DesignReason.ARM_IN_ITSELF,
                 where=f"on from there, {where}",
                 mend=collision.mend,
             )
@@ -240,7 +240,7 @@ def _check_self_collision(stage: Stage, attempt: Attempt) -> None:
     attempt.warnings += (warning,)
     if penetration == "forbid":
         raise DesignError.because(
-            refusals.ARM_IN_ITSELF, where=warning, mend=collision.mend
+            DesignReason.ARM_IN_ITSELF, where=warning, mend=collision.mend
         )
 
 

@@ -48,27 +48,37 @@ _WORDS = {
     "dataclass_type": _OBJECT,
     "string_pattern_mismatch": "must be a name of letters, digits and '_', a letter first",
 }
-ENTRY_VALUE = Reason("E_ENTRY_VALUE", "{where}: {problem}")
+
+
+class EntryReason(Reason):
+    """What an entry of a file or a configuration breaks."""
+
+    ENTRY_VALUE = "{where}: {problem}"
+    ENTRY_MISSING = "{where}: it is missing"
+    ENTRY_UNKNOWN = "{where}: there is no such key"
+    ENTRY_WORD = "{where}: it must be true or false"
+    ENTRY_TEXT = "{where}: it must be a text"
+    ENTRY_NUMBER = "{where}: it must be a number"
+    ENTRY_LIST = "{where}: it must be a list"
+    ENTRY_OBJECT = "{where}: it must be an object"
+    ENTRY_CHOICE = "{where}: it must be one of some words"
+    ENTRY_RANGE = "{where}: it is beyond its range"
+    ENTRY_LENGTH = "{where}: it is too long or too short"
+    ENTRY_NAME = "{where}: it must be a name"
+
+
 _REASONS = {
-    Reason("E_ENTRY_MISSING", "{where}: it is missing"): ("missing",),
-    Reason("E_ENTRY_UNKNOWN", "{where}: there is no such key"): _UNKNOWN,
-    Reason("E_ENTRY_WORD", "{where}: it must be true or false"): ("bool_",),
-    Reason("E_ENTRY_TEXT", "{where}: it must be a text"): ("string_type",),
-    Reason("E_ENTRY_NUMBER", "{where}: it must be a number"): ("float_", "int_"),
-    Reason("E_ENTRY_LIST", "{where}: it must be a list"): ("list_type", "tuple_type"),
-    Reason("E_ENTRY_OBJECT", "{where}: it must be an object"): (
-        "dict_type",
-        "model_type",
-        "dataclass_type",
-    ),
-    Reason("E_ENTRY_CHOICE", "{where}: it must be one of some words"): ("literal_",),
-    Reason("E_ENTRY_RANGE", "{where}: it is beyond its range"): _BEYOND,
-    Reason("E_ENTRY_LENGTH", "{where}: it is too long or too short"): (
-        "too_long",
-        "too_short",
-        "string_too_",
-    ),
-    Reason("E_ENTRY_NAME", "{where}: it must be a name"): ("string_pattern_",),
+    EntryReason.ENTRY_MISSING: ("missing",),
+    EntryReason.ENTRY_UNKNOWN: _UNKNOWN,
+    EntryReason.ENTRY_WORD: ("bool_",),
+    EntryReason.ENTRY_TEXT: ("string_type",),
+    EntryReason.ENTRY_NUMBER: ("float_", "int_"),
+    EntryReason.ENTRY_LIST: ("list_type", "tuple_type"),
+    EntryReason.ENTRY_OBJECT: ("dict_type", "model_type", "dataclass_type"),
+    EntryReason.ENTRY_CHOICE: ("literal_",),
+    EntryReason.ENTRY_RANGE: _BEYOND,
+    EntryReason.ENTRY_LENGTH: ("too_long", "too_short", "string_too_"),
+    EntryReason.ENTRY_NAME: ("string_pattern_",),
 }
 """The beginnings of Pydantic's kinds of mistakes, by the reason that they are."""
 
@@ -188,13 +198,13 @@ def _find_refusals(error: ErrorDetails) -> tuple[Refusal, ...]:
         return cause.placed("", where=where).refusals
 
     kind = error["type"]
-    reason = ENTRY_VALUE
+    reason = EntryReason.ENTRY_VALUE
     for known, beginnings in _REASONS.items():
         if kind.startswith(beginnings):
             reason = known
 
     values = {name: value for name, value in context.items() if _is_plain(value)}
-    if reason is ENTRY_VALUE:
+    if reason is EntryReason.ENTRY_VALUE:
         values["problem"] = _explain(error)
     if _is_plain(error["input"]):
         values["given"] = error["input"]

@@ -10,8 +10,8 @@ import numpy as np
 
 from core.errors import CodedError
 from core.geometry import Array, Color, Pose, Shape, Triple
-from core.values import refusals
 from core.values.contents import content_of, digest
+from core.values.refusals import DesignReason
 
 RIGID_MOUNT = "tool_mount"
 GRIPPER_MOUNTS = ("left_finger", "right_finger")
@@ -59,21 +59,21 @@ class ToolJoint:
 
         length = float(np.linalg.norm(self.axis))
         if not 1e-6 < length < np.inf:
-            raise DesignError.because(refusals.JOINT_AXIS)
+            raise DesignError.because(DesignReason.JOINT_AXIS)
 
         unit = tuple(float(value) / length for value in self.axis)
         object.__setattr__(self, "axis", unit)
 
         if not self.lower <= 0 <= self.upper or self.lower == self.upper:
             raise DesignError.because(
-                refusals.JOINT_RANGE, lower=self.lower, upper=self.upper
+                DesignReason.JOINT_RANGE, lower=self.lower, upper=self.upper
             )
 
         for name in ("damping", "friction", "stiffness"):
             if not getattr(self, name) >= 0:
                 given = getattr(self, name)
                 raise DesignError.because(
-                    refusals.JOINT_NEGATIVE, name=name, given=given
+                    DesignReason.JOINT_NEGATIVE, name=name, given=given
                 )
 
     @property
@@ -159,10 +159,10 @@ class Tool:
         known = set(self.mounts)
         for component in self.components:
             if component.name in known:
-                raise DesignError.because(refusals.NAMED_TWICE, name=component.name)
+                raise DesignError.because(DesignReason.NAMED_TWICE, name=component.name)
             if component.parent not in known:
                 raise DesignError.because(
-                    refusals.NO_PARENT,
+                    DesignReason.NO_PARENT,
                     component=component.name,
                     parent=component.parent,
                     mounts=" or ".join(self.mounts),

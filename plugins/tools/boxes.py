@@ -15,7 +15,6 @@ from core.geometry import KINDS, PRIMITIVES, Array, Box, Pose, Primitive, Shape
 from core.interfaces import JsonObject
 from core.support.inputs import FIELDS, check, in_unit
 from core.support.text import shorten
-from plugins.tools import refusals
 from plugins.tools.components import (
     DIGITS,
     MAX_NUMBER,
@@ -26,6 +25,7 @@ from plugins.tools.components import (
     ReadShape,
     rounded,
 )
+from plugins.tools.refusals import ToolReason
 
 FIELD = "tool_components"
 _KEYS = ("shape", *dict.fromkeys(chain(*(kind.lengths() for kind in KINDS))))
@@ -61,7 +61,7 @@ def _read_shape(item: JsonObject, where: str) -> tuple[Shape, Pose]:
     name = item.get("shape", Box.kind)
     if not isinstance(name, str) or name not in PRIMITIVES:
         raise DesignError.because(
-            refusals.SHAPE,
+            ToolReason.SHAPE,
             where=where,
             possible=", ".join(PRIMITIVES),
             given=shorten(str(name)),

@@ -36,8 +36,8 @@ from core.robot.description import assembled
 from core.robot.solids import closest, solids_of
 from core.support.inputs import FIELDS, check, in_unit, meant
 from core.support.text import kind, shorten
-from plugins.tools import refusals
 from plugins.tools.mounting import first_box, instruct
+from plugins.tools.refusals import ToolReason
 from plugins.tools.varying import VariedTools
 
 MAX_NUMBER = 1000.0
@@ -213,18 +213,18 @@ class ComponentTools(VariedTools):
         if self.field not in data:
             wanted = "a list of the tool's components"
             raise DesignError.because(
-                refusals.FIELD_MISSING, field=self.field, wanted=wanted
+                ToolReason.FIELD_MISSING, field=self.field, wanted=wanted
             )
 
         items = data[self.field]
         if not isinstance(items, list):
             raise DesignError.because(
-                refusals.FIELD_LIST, field=self.field, given=kind(items)
+                ToolReason.FIELD_LIST, field=self.field, given=kind(items)
             )
 
         if len(items) > MAX_COMPONENTS:
             raise DesignError.because(
-                refusals.FIELD_COUNT,
+                ToolReason.FIELD_COUNT,
                 field=self.field,
                 count=len(items),
                 most=MAX_COMPONENTS,
@@ -285,7 +285,7 @@ class ComponentTools(VariedTools):
         written = check(kind_of, item, where, DesignError)
         if not written.parent and len(mounts) > 1:
             raise DesignError.because(
-                refusals.PARENT_MISSING, where=where, mounts=" or ".join(mounts)
+                ToolReason.PARENT_MISSING, where=where, mounts=" or ".join(mounts)
             )
 
         parent = dict(self.robot.aliases).get(written.parent, written.parent)
@@ -413,12 +413,12 @@ def parents_first(
         while name not in done:
             if name in chain:
                 raise DesignError.because(
-                    refusals.PARENT_CIRCLE, name=name, mounts=" or ".join(mounts)
+                    ToolReason.PARENT_CIRCLE, name=name, mounts=" or ".join(mounts)
                 )
 
             if name not in parents:
                 raise DesignError.because(
-                    refusals.PARENT_UNKNOWN,
+                    ToolReason.PARENT_UNKNOWN,
                     what=what,
                     name=chain[-1],
                     parent=shorten(name),
@@ -517,22 +517,22 @@ def _read_name(
     """Read the name of a component, which neither the tool nor the robot has already."""
     if not isinstance(item, Mapping):
         raise DesignError.because(
-            refusals.COMPONENT_OBJECT, where=where, given=kind(item)
+            ToolReason.COMPONENT_OBJECT, where=where, given=kind(item)
         )
 
     name = item.get("name")
     if not isinstance(name, str):
-        raise DesignError.because(refusals.NAME_MISSING, where=where)
+        raise DesignError.because(ToolReason.NAME_MISSING, where=where)
 
     if not NAME.fullmatch(name):
         raise DesignError.because(
-            refusals.NAME_LETTERS, where=where, name=shorten(name)
+            ToolReason.NAME_LETTERS, where=where, name=shorten(name)
         )
 
     if name in reserved:
-        raise DesignError.because(refusals.NAME_OF_ROBOT, where=where, name=name)
+        raise DesignError.because(ToolReason.NAME_OF_ROBOT, where=where, name=name)
 
     if name in taken:
-        raise DesignError.because(refusals.NAME_TAKEN, name=name)
+        raise DesignError.because(ToolReason.NAME_TAKEN, name=name)
 
     return name

@@ -18,7 +18,7 @@ from core.geometry import Array, Cylinder, Pose
 from core.interfaces import Robot
 from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.values.materials import Material
-from plugins.tools import refusals
+from plugins.tools.refusals import ToolReason
 
 
 class JointLimits(NamedTuple):
@@ -112,7 +112,7 @@ def check_joints(tool: Tool, robot: Robot, material: Material) -> None:
     if count == 0:
         return
     if count > MAX_JOINTS:
-        raise DesignError.because(refusals.JOINT_COUNT, count=count, most=MAX_JOINTS)
+        raise DesignError.because(ToolReason.JOINT_COUNT, count=count, most=MAX_JOINTS)
 
     share = spring_share(material)
     measured = measure_lightness(tool).tolist()
@@ -151,13 +151,13 @@ def _check_springs(tool: Tool, most: float) -> None:
     if energy > most:
         strongest = max(joints, key=lambda name: joints[name].energy)
         raise DesignError.because(
-            refusals.SPRINGS_ENERGY, energy_j=energy, most_j=most, component=strongest
+            ToolReason.SPRINGS_ENERGY, energy_j=energy, most_j=most, component=strongest
         )
 
     for name, speed in zip(joints, bound_speeds(tool).tolist(), strict=True):
         if speed > MAX_SPRUNG_M_S:
             raise DesignError.because(
-                refusals.SPRINGS_SPEED,
+                ToolReason.SPRINGS_SPEED,
                 component=name,
                 speed_m_s=speed,
                 most_m_s=MAX_SPRUNG_M_S,
@@ -169,16 +169,16 @@ def _check_range(joint: ToolJoint) -> None:
     limits = LIMITS[joint.kind]
     span = {"lower": joint.lower, "upper": joint.upper, "unit": limits.unit}
     if max(-joint.lower, joint.upper) > limits.most:
-        raise DesignError.because(refusals.JOINT_WIDE, most=limits.most, **span)
+        raise DesignError.because(ToolReason.JOINT_WIDE, most=limits.most, **span)
 
     if joint.upper - joint.lower < limits.least_range:
         raise DesignError.because(
-            refusals.JOINT_NARROW, least=limits.least_range, **span
+            ToolReason.JOINT_NARROW, least=limits.least_range, **span
         )
 
     if not abs(joint.rest) <= limits.most:
         raise DesignError.because(
-            refusals.SPRING_REST, rest=joint.rest, unit=limits.unit, most=limits.most
+            ToolReason.SPRING_REST, rest=joint.rest, unit=limits.unit, most=limits.most
         )
 
 
@@ -196,20 +196,20 @@ def _check_motion(tool: Tool, bearer: Bearer, lightness: float) -> None:
 
     if mass < MIN_MOVED_KG:
         raise DesignError.because(
-            refusals.JOINT_LIGHT, mass_kg=mass, least_kg=MIN_MOVED_KG
+            ToolReason.JOINT_LIGHT, mass_kg=mass, least_kg=MIN_MOVED_KG
         )
 
     hertz = math.sqrt(joint.stiffness * lightness) / (2 * math.pi)
     if hertz > MAX_HZ:
         would_do = joint.stiffness * (MAX_HZ / hertz) ** 2
         raise DesignError.because(
-            refusals.SPRING_STIFF, rate_hz=hertz, most_hz=MAX_HZ, would_do=would_do
+            ToolReason.SPRING_STIFF, rate_hz=hertz, most_hz=MAX_HZ, would_do=would_do
         )
 
     most = MAX_DECAY / lightness
     if joint.damping > most:
         raise DesignError.because(
-            refusals.DAMPING_FAST,
+            ToolReason.DAMPING_FAST,
             damping=joint.damping,
             inertia=1 / lightness,
             most=most,
@@ -224,7 +224,7 @@ def _check_strength(joint: ToolJoint, share: float) -> None:
 
     if exerted > most:
         raise DesignError.because(
-            refusals.SPRING_STRONG,
+            ToolReason.SPRING_STRONG,
             load=exerted,
             load_unit=limits.load,
             strain=joint.strain,
@@ -244,7 +244,7 @@ def _check_most(
 ) -> None:
     if value > most:
         raise DesignError.because(
-            refusals.JOINT_MOST, what=what, given=value, unit=unit, most=most
+            ToolReason.JOINT_MOST, what=what, given=value, unit=unit, most=most
         )
 
 
@@ -276,7 +276,7 @@ def _check_pin(bearer: Bearer, solids: Mapping[str, Sequence[Solid]]) -> None:
         away = min(signed_distance(solid, placed) for solid in solids[side])
         if away > MAX_PIN_M:
             raise DesignError.because(
-                refusals.HINGE_PIN,
+                ToolReason.HINGE_PIN,
                 component=bearer.name,
                 side=side,
                 away_mm=1000 * away,
@@ -309,7 +309,7 @@ def _check_touch(
         near = next((pair for pair in pairs if _touch(*pair, place)), None)
         if near is None:
             raise DesignError.because(
-                refusals.JOINT_LEAVES,
+                ToolReason.JOINT_LEAVES,
                 component=bearer.name,
                 parent=bearer.parent,
                 place=value,
@@ -341,7 +341,7 @@ def _check_through(
                 value = _find_inside_away(bearer, still, moving, values)
             if value is not None:
                 raise DesignError.because(
-                    refusals.JOINT_THROUGH,
+                    ToolReason.JOINT_THROUGH,
                     component=moving.name,
                     other=still.name,
                     bearer=bearer.name,

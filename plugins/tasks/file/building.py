@@ -22,7 +22,6 @@ from core.scene import (
     Soft,
     table,
 )
-from plugins.tasks.file import refusals
 from plugins.tasks.file.body_building import (
     build_body,
     build_ground,
@@ -31,6 +30,7 @@ from plugins.tasks.file.body_building import (
     read_pose,
 )
 from plugins.tasks.file.named_files import Files
+from plugins.tasks.file.refusals import SceneReason
 from plugins.tasks.file.spec import (
     MAX_COPIES,
     MarkSpec,
@@ -89,7 +89,7 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
     _check_unique(tree, spec, taken)
     if len(bodies) > MAX_COPIES:
         problem = UserError.because(
-            refusals.SCENE_COUNT, count=len(bodies), most=MAX_COPIES
+            SceneReason.SCENE_COUNT, count=len(bodies), most=MAX_COPIES
         )
         raise tree.error(("bodies",), problem)
 
@@ -111,7 +111,7 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
         if spec.imports:
             hint = ", or let what an import has without a joint move: fixed: false"
 
-        problem = UserError.because(refusals.NOTHING_MOVES, hint=hint)
+        problem = UserError.because(SceneReason.NOTHING_MOVES, hint=hint)
         raise tree.error(("bodies",), problem)
 
     return scene
@@ -136,7 +136,7 @@ def _stand_in(tree: Tree, spec: SceneSpec) -> Body:
     """
     region = spec.fixture
     if region is None:
-        raise tree.error(("goals",), UserError.because(refusals.NO_FIXTURE))
+        raise tree.error(("goals",), UserError.because(SceneReason.NO_FIXTURE))
 
     place = {"position": region.position, "box": region.box}
     mark = MarkSpec.model_validate({"name": FIXTURE, **place})
@@ -230,10 +230,10 @@ def _check_unique(tree: Tree, spec: SceneSpec, taken: list[str]) -> None:
         for number, name in enumerate(names):
             where = (kind, number, "name")
             if name == FIXTURE:
-                reason = refusals.SCENE_FIXTURE_NAME
+                reason = SceneReason.SCENE_FIXTURE_NAME
                 raise tree.error(where, UserError.because(reason, name=name))
             if name in taken:
-                reason = refusals.SCENE_NAME
+                reason = SceneReason.SCENE_NAME
                 raise tree.error(where, UserError.because(reason, name=name))
 
             taken.append(name)

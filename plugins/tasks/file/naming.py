@@ -10,11 +10,11 @@ from core.errors import UsageError, UserError, choices
 from core.goals import Goal, Space, limits, reaches
 from core.scene import FIXTURE, Scene
 from core.solids.standing import find_gaps
-from plugins.tasks.file import refusals
 from plugins.tasks.file.body_building import build_mark
 from plugins.tasks.file.contacts import CONTACT_M
 from plugins.tasks.file.goals import Entry, join_entries
 from plugins.tasks.file.hollows import FixtureHollow, find_hollow, space_of
+from plugins.tasks.file.refusals import SceneReason
 from plugins.tasks.file.scene_warnings import find_foot
 from plugins.tasks.file.spec import MarkSpec, SceneSpec
 from plugins.tasks.file.tree import Tree, as_coded
@@ -75,7 +75,7 @@ def build_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> tuple[Goal, ...]:
     _check_conflicts(tree, entries, scene)
     goals = join_entries(entries)
     if not reaches(goals):
-        raise tree.error(("goals",), UserError.because(refusals.NOTHING_EARNED))
+        raise tree.error(("goals",), UserError.because(SceneReason.NOTHING_EARNED))
 
     return goals
 
@@ -106,7 +106,7 @@ def _check_order(tree: Tree, entries: Sequence[Entry]) -> None:
         TopologicalSorter(after).prepare()
     except CycleError as error:
         where = ("goals", min(error.args[1]), "after")
-        problem = UserError.because(refusals.GOAL_CIRCLE)
+        problem = UserError.because(SceneReason.GOAL_CIRCLE)
         raise tree.error(where, problem) from None
 
 
@@ -123,6 +123,6 @@ def _check_conflicts(tree: Tree, entries: Sequence[Entry], scene: Scene) -> None
                 problem = limit.find_conflict(wanted, scene)
                 if problem:
                     conflict = UserError.because(
-                        refusals.GOAL_CONFLICT, problem=problem
+                        SceneReason.GOAL_CONFLICT, problem=problem
                     )
                     raise tree.error(("goals", number), conflict)

@@ -34,10 +34,10 @@ from core.scene import Bond, Camera, Cloth, Color, Elastic, Joint, Rope
 from core.support.inputs import STRICT, in_unit
 from core.values.layouts import NONE
 from core.values.softs import MAX_NODES
-from plugins.tasks.file import refusals
 from plugins.tasks.file.goals import ALL_KINDS, Entry, read_entry
 from plugins.tasks.file.hollows import COLUMN_M
 from plugins.tasks.file.imports import imported as limits
+from plugins.tasks.file.refusals import SceneReason
 from plugins.tasks.file.varied_numbers import Varied
 from plugins.tasks.file.vessels import Vessel
 
@@ -299,7 +299,9 @@ class ShapeSpec(_Shaped):
         if given:
             there = f"are {', '.join(given)}"
 
-        raise WrongPart.because(refusals.ONE_OF, possible=", ".join(names), found=there)
+        raise WrongPart.because(
+            SceneReason.ONE_OF, possible=", ".join(names), found=there
+        )
 
 
 class RepeatSpec(_Spec):

@@ -14,9 +14,9 @@ from pydantic import ValidationError
 from core.errors import CodedError, Refusal, UserError
 from core.interfaces import JsonObject
 from core.support.files import read_text
-from core.support.inputs import ENTRY_VALUE, check_plain, find_mistakes
+from core.support.inputs import EntryReason, check_plain, find_mistakes
 from core.support.text import clean
-from plugins.tasks.file import refusals
+from plugins.tasks.file.refusals import SceneReason
 
 T = TypeVar("T")
 
@@ -76,7 +76,7 @@ class Tree:
             raise _no_yaml(str(file), reason) from error
 
         if not isinstance(root, yaml.MappingNode):
-            raise UserError.because(refusals.YAML_OBJECT, file=str(file))
+            raise UserError.because(SceneReason.YAML_OBJECT, file=str(file))
 
         self.data: JsonObject = self._read(root, ())
 
@@ -111,7 +111,7 @@ class Tree:
         place = {"where": say(where).removesuffix(": "), "line": line}
         if isinstance(message, CodedError):
             found = found or message.refusals
-        found = found or [ENTRY_VALUE.refusal(problem=str(message))]
+        found = found or [EntryReason.ENTRY_VALUE.refusal(problem=str(message))]
         error = UserError(f"{self.file}, line {line}: {say(where)}{message}")
         return error.coded(
             *(Refusal(refusal.code, {**refusal.values, **place}) for refusal in found)
@@ -167,13 +167,13 @@ class Tree:
         found: JsonObject = {}
         for key, value in node.value:
             if not isinstance(key, yaml.ScalarNode):
-                raise self.error(where, UserError.because(refusals.YAML_KEY))
+                raise self.error(where, UserError.because(SceneReason.YAML_KEY))
 
             inner = (*where, key.value)
             self.lines[inner] = key.start_mark.line + 1
 
             if key.value in found:
-                raise self.error(inner, UserError.because(refusals.YAML_TWICE))
+                raise self.error(inner, UserError.because(SceneReason.YAML_TWICE))
 
             found[key.value] = self._read(value, inner)
 
@@ -190,7 +190,7 @@ class Tree:
             return text
         if not math.isfinite(float(text)):
             given = clean(text, 60)
-            problem = UserError.because(refusals.YAML_NUMBER, given=given)
+            problem = UserError.because(SceneReason.YAML_NUMBER, given=given)
             raise self.error(where, problem)
         if re.fullmatch(r"[-+]?[0-9]{1,15}", text):
             return int(text)
@@ -204,20 +204,20 @@ def as_coded(error: Exception) -> str | CodedError:
 
 
 def _no_yaml(where: str, problem: str) -> UserError:
-    return UserError.because(refusals.NO_YAML, file=where, problem=problem)
+    return UserError.because(SceneReason.NO_YAML, file=where, problem=problem)
 
 
 def _find_problem(event: Any, depth: int) -> UserError | None:
     """Say what of a YAML document's event is not read; None: all of it is."""
     tag = clean(getattr(event, "tag", None) or "", 60)
     if tag:
-        return UserError.because(refusals.YAML_TAG, tag=tag)
+        return UserError.because(SceneReason.YAML_TAG, tag=tag)
 
     anchor = clean(getattr(event, "anchor", None) or "", 60)
     if anchor:
-        return UserError.because(refusals.YAML_ANCHOR, anchor=anchor)
+        return UserError.because(SceneReason.YAML_ANCHOR, anchor=anchor)
     if depth > MAX_DEPTH:
-        return UserError.because(refusals.YAML_DEPTH, most=MAX_DEPTH)
+        return UserError.because(SceneReason.YAML_DEPTH, most=MAX_DEPTH)
 
     return None
 

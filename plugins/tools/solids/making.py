@@ -21,7 +21,7 @@ from core.geometry import (
     Primitive,
     Shape,
 )
-from plugins.tools import refusals
+from plugins.tools.refusals import ToolReason
 from plugins.tools.solids.building import (
     MAX_TRIANGLES,
     TooFine,
@@ -98,7 +98,9 @@ def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape, Pose]:
     try:
         solid = surface(tree)
         if solid.volume() < _MIN_VOLUME:
-            raise DesignError.because(refusals.SOLID_VOLUME, volume_mm3=solid.volume())
+            raise DesignError.because(
+                ToolReason.SOLID_VOLUME, volume_mm3=solid.volume()
+            )
 
         _check_whole(solid)
 
@@ -109,7 +111,7 @@ def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape, Pose]:
         return WrittenCompound(Mesh(*_triangles(solid)), parts, tree), Pose()
     except TooFine as error:
         raise DesignError.because(
-            refusals.SOLID_TRIANGLES, most=MAX_TRIANGLES
+            ToolReason.SOLID_TRIANGLES, most=MAX_TRIANGLES
         ) from error
 
 
@@ -144,7 +146,7 @@ def _parts(tree: Node, solid: Manifold, most: int) -> tuple[Mesh, ...]:
         problem = f" (with fewer, {off:.2f} mm)"
 
     raise DesignError.because(
-        refusals.SOLID_CONVEX, within_mm=1000 * WITHIN_M, off_mm=off
+        ToolReason.SOLID_CONVEX, within_mm=1000 * WITHIN_M, off_mm=off
     )
 
 
@@ -165,7 +167,7 @@ def _check_count(count: int, most: int, problem: str = "") -> None:
         left = f", of which {most} are left"
 
     raise DesignError.because(
-        refusals.SOLID_PARTS,
+        ToolReason.SOLID_PARTS,
         needed=needed,
         within_mm=1000 * WITHIN_M,
         problem=problem,
@@ -217,7 +219,7 @@ def _check_whole(solid: Manifold) -> None:
     if len(pieces) > _MAX_PIECES:
         wanted = "a component is of one piece"
         raise DesignError.because(
-            refusals.SOLID_PIECES, count=len(pieces), wanted=wanted
+            ToolReason.SOLID_PIECES, count=len(pieces), wanted=wanted
         )
 
     joined = pieces[:1]
@@ -231,7 +233,7 @@ def _check_whole(solid: Manifold) -> None:
     if apart:
         wanted = "join them, or write them as components that touch"
         raise DesignError.because(
-            refusals.SOLID_PIECES, count=len(pieces), wanted=wanted
+            ToolReason.SOLID_PIECES, count=len(pieces), wanted=wanted
         )
 
 

@@ -9,8 +9,8 @@ from types import MappingProxyType
 from core.design import DesignError
 from core.geometry import KINDS, PRIMITIVES, Array, Box, Pose, Shape
 from core.interfaces import JsonObject
-from plugins.tools import refusals
 from plugins.tools.components import TEXT, ComponentTools, ReadShape, rounded
+from plugins.tools.refusals import ToolReason
 from plugins.tools.solids.building import MAX_TRIANGLES, NATIVES, count_triangles
 from plugins.tools.solids.making import MAX_PARTS, WITHIN_M, make_shape, node_of
 from plugins.tools.solids.tree_reading import (
@@ -43,7 +43,7 @@ class _Reader:
             self._triangles += count_triangles(node)
         if self._triangles > MAX_TRIANGLES:
             raise DesignError.because(
-                refusals.SOLIDS_TRIANGLES,
+                ToolReason.SOLIDS_TRIANGLES,
                 where=where,
                 count=self._triangles,
                 most=MAX_TRIANGLES,

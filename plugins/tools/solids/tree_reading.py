@@ -28,12 +28,12 @@ from core.geometry import KINDS, Primitive
 from core.interfaces import JsonObject
 from core.support.inputs import FIELDS, check, in_unit
 from core.support.text import kind, shorten
-from plugins.tools import refusals
 from plugins.tools.components import (
     DIGITS,
     Number,
     rounded,
 )
+from plugins.tools.refusals import ToolReason
 
 MAX_CHARACTERS = 20_000
 """The longest text of a component's solid."""
@@ -136,14 +136,18 @@ class TreeReader:
         """Read a node and what is below it; ``depth`` counts from 1."""
         self._nodes += 1
         if self._nodes > MAX_NODES:
-            raise DesignError.because(refusals.SOLID_NODES, where=where, most=MAX_NODES)
+            raise DesignError.because(
+                ToolReason.SOLID_NODES, where=where, most=MAX_NODES
+            )
 
         if depth > MAX_DEPTH:
-            raise DesignError.because(refusals.SOLID_DEPTH, where=where, most=MAX_DEPTH)
+            raise DesignError.because(
+                ToolReason.SOLID_DEPTH, where=where, most=MAX_DEPTH
+            )
 
         if not isinstance(value, Mapping):
             raise DesignError.because(
-                refusals.SOLID_OBJECT, where=where, given=kind(value)
+                ToolReason.SOLID_OBJECT, where=where, given=kind(value)
             )
 
         name = _read_kind(value, where)
@@ -172,7 +176,7 @@ def _parse_json(text: str, where: str) -> object:
     """
     if len(text) > MAX_CHARACTERS:
         raise DesignError.because(
-            refusals.FIELD_LENGTH, field=where, count=len(text), most=MAX_CHARACTERS
+            ToolReason.FIELD_LENGTH, field=where, count=len(text), most=MAX_CHARACTERS
         )
 
     try:
@@ -180,12 +184,12 @@ def _parse_json(text: str, where: str) -> object:
     except json.JSONDecodeError as error:
         problem = f" is malformed JSON at column {error.colno}: {error.msg}"
         raise DesignError.because(
-            refusals.SOLID_JSON, where=where, problem=problem
+            ToolReason.SOLID_JSON, where=where, problem=problem
         ) from error
     except (ValueError, RecursionError) as error:
         problem = ": its JSON has a number of too many digits, or nests too deep"
         raise DesignError.because(
-            refusals.SOLID_JSON, where=where, problem=problem
+            ToolReason.SOLID_JSON, where=where, problem=problem
         ) from error
 
     return value
@@ -200,7 +204,7 @@ def _read_kind(value: Mapping[str, Any], where: str) -> str:
     others = ", ".join(shorten(str(key)) for key in list(value)[:3])
     found = " and ".join(named) or others or "nothing"
     raise DesignError.because(
-        refusals.SOLID_KIND, where=where, possible=", ".join(_WRITTEN), found=found
+        ToolReason.SOLID_KIND, where=where, possible=", ".join(_WRITTEN), found=found
     )
 
 

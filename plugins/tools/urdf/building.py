@@ -27,13 +27,13 @@ from core.scene import Color
 from core.support.inputs import check
 from core.support.text import shorten
 from core.values.descriptions import RobotJoint, RobotLink
-from plugins.tools import refusals
 from plugins.tools.components import (
     Angle,
     default_mass,
     parents_first,
     robot_names,
 )
+from plugins.tools.refusals import ToolReason
 
 MAX_CHARACTERS = 1_000_000
 MAX_LINKS = 2 * MAX_COMPONENTS  # some are only frames
@@ -172,7 +172,7 @@ def _parse(text: str) -> Element:
     """Parse the text; the children of what is returned are the tool's elements."""
     if len(text) > MAX_CHARACTERS:
         raise DesignError.because(
-            refusals.FIELD_LENGTH,
+            ToolReason.FIELD_LENGTH,
             field="tool_urdf",
             count=len(text),
             most=MAX_CHARACTERS,
@@ -217,7 +217,7 @@ def _check(
     for element in root:
         tag = element.tag
         if tag not in ("link", "joint", "material"):
-            raise DesignError.because(refusals.TAG, tag=shorten(tag)[1:-1])
+            raise DesignError.because(ToolReason.TAG, tag=shorten(tag)[1:-1])
 
         name = element.get("name", "")
         if tag == "link":
@@ -230,7 +230,7 @@ def _check(
         found = sum(1 for _ in root.iter(tag))
         if found > most:
             raise DesignError.because(
-                refusals.TAG_COUNT, count=found, tag=tag, most=most
+                ToolReason.TAG_COUNT, count=found, tag=tag, most=most
             )
 
     for element in root.iter():
@@ -238,14 +238,14 @@ def _check(
         for tag, found in tags.items():
             if found > 1:
                 raise DesignError.because(
-                    refusals.TAG_TWICE, within=element.tag, count=found, tag=tag
+                    ToolReason.TAG_TWICE, within=element.tag, count=found, tag=tag
                 )
 
     held = {child.get("link") for child in root.iterfind("joint/child")}
 
     for name in links:
         if name not in held:
-            raise DesignError.because(refusals.LINK_LOOSE, name=name, mounts=mounts)
+            raise DesignError.because(ToolReason.LINK_LOOSE, name=name, mounts=mounts)
 
     return links
 
@@ -268,11 +268,11 @@ def _check_name(
     most = MAX_NAME[tag]
     if not _NAME.fullmatch(name) or len(name) > most:
         raise DesignError.because(
-            refusals.LINK_NAME, tag=tag, name=shorten(name), most=most
+            ToolReason.LINK_NAME, tag=tag, name=shorten(name), most=most
         )
 
     if name in reserved:
-        raise DesignError.because(refusals.LINK_OF_ROBOT, tag=tag, name=name)
+        raise DesignError.because(ToolReason.LINK_OF_ROBOT, tag=tag, name=name)
 
 
 def _boxes(link: RobotLink) -> list[_Shape]:
@@ -294,7 +294,9 @@ def _boxes(link: RobotLink) -> list[_Shape]:
             if isinstance(shape.shape, Path):
                 found = "mesh"
 
-            raise DesignError.because(refusals.LINK_SHAPE, name=link.name, found=found)
+            raise DesignError.because(
+                ToolReason.LINK_SHAPE, name=link.name, found=found
+            )
 
         *rgb, opacity = looks.color or DEFAULT_COLOR
         color = (*rgb, max(opacity, _MIN_OPACITY))
@@ -315,12 +317,12 @@ def _moving(joint: RobotJoint, loose: bool) -> ToolJoint | None:
             wanted = 'use type "fixed", "revolute" or "prismatic"'
 
         raise DesignError.because(
-            refusals.JOINT_TYPE, where=where, given=shorten(joint.kind), wanted=wanted
+            ToolReason.JOINT_TYPE, where=where, given=shorten(joint.kind), wanted=wanted
         )
 
     lower, upper, *_ = joint.limits
     if lower is None or upper is None:
-        raise DesignError.because(refusals.JOINT_LIMIT, where=where)
+        raise DesignError.because(ToolReason.JOINT_LIMIT, where=where)
 
     stiffness, rest = joint.spring or (0.0, 0.0)
     numbers = {
@@ -365,7 +367,7 @@ def _hang(
     base = pose if frame is None else frame @ pose
 
     if not shapes and moving is not None:
-        raise DesignError.because(refusals.LINK_EMPTY, name=name)
+        raise DesignError.because(ToolReason.LINK_EMPTY, name=name)
 
     if not shapes:
         return [], (parents, base)

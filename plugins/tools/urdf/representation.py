@@ -10,8 +10,8 @@ from core.interfaces import Brief, JsonObject
 from core.robot.description import tool_urdf
 from core.support.templates import fill
 from core.support.text import kind, short_numbers
-from plugins.tools import refusals
 from plugins.tools.mounting import first_box, instruct
+from plugins.tools.refusals import ToolReason
 from plugins.tools.urdf.building import build_tool
 from plugins.tools.varying import VariedTools
 
@@ -35,12 +35,12 @@ class UrdfTools(VariedTools):
         if "tool_urdf" not in data:
             wanted = "the tool's <link> and <joint> elements"
             raise DesignError.because(
-                refusals.FIELD_MISSING, field="tool_urdf", wanted=wanted
+                ToolReason.FIELD_MISSING, field="tool_urdf", wanted=wanted
             )
         text = data["tool_urdf"]
         if not isinstance(text, str):
             raise DesignError.because(
-                refusals.FIELD_TEXT, field="tool_urdf", given=kind(text)
+                ToolReason.FIELD_TEXT, field="tool_urdf", given=kind(text)
             )
         masses = self.material.density_kg_m3 is None
         return build_tool(text, gripper, self.robot, masses=masses, loose=self.joints)
