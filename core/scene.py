@@ -275,7 +275,7 @@ class Scene:
 
     A body hangs from at most one joint, and no joints form a circle. ``gravity`` is in m/s^2, along the world's axes.
     ``bonds`` hold bodies until a force breaks them. ``fixture`` is what a design adds, and among the bodies too; see
-    `furnished`.
+    `furnished`. ``hindered`` is that of `State`.
 
     Raises:
         ValueError: two bodies, joints or bonds have the same name; a joint or a bond can't be where it is; or too many
@@ -287,6 +287,7 @@ class Scene:
     gravity: Vector = GRAVITY
     bonds: tuple[Bond, ...] = ()
     fixture: Fixture | None = None
+    hindered: Mapping[object, str] = field(default_factory=dict)
 
     def __hash__(self) -> int:  # much is kept by scene, and layouts differ in places
         return hash(tuple((body.name, body.pose) for body in self.bodies))
@@ -528,6 +529,7 @@ class Scene:
             bonds={bond.name: bond for bond in self.bonds},
             pinned=tuple(soft.name for soft in self.softs if soft.pinned),
             fixture=self.fixture,
+            hindered=self.hindered,
         )
 
 

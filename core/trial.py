@@ -431,17 +431,20 @@ class Evaluation:
 
     @property
     def room(self) -> float:
-        """How much room it leaves to the limit that it came nearest to, -1..1, as far as that decides.
+        """How much room it leaves, as `room_left`, as far as that decides."""
+        return self.room_left if self.score.cost is None else 0.0
+
+    @property
+    def room_left(self) -> float:
+        """How much room it leaves to the limit that it came nearest to, -1..1; 0: the task says no limits.
 
         What earns nothing for a reason of its own, such as solids that passed through each other, leaves none at all.
         """
-        if self.score.cost is not None:
-            return 0.0
+        if self.reason:
+            return -1.0
 
         least = self.least_margin
-        if self.reason or least is None:
-            return -1.0 if self.reason else 0.0
-        return least.margin
+        return 0.0 if least is None else least.margin
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -262,9 +262,10 @@ class Reach(Goal):
         """Compute how far it is fulfilled in states, 0..1, (...), whatever it asks of time.
 
         ``conduct`` says whether the robot holds a body, and how it moved lately; None: that does not count. Nothing is
-        fulfilled that names a fixture, where the design has none.
+        fulfilled that names a fixture, where the design has none, nor what the scene itself prevents.
         """
-        if self.needs_fixture and start.fixture is None:
+        lacks_fixture = self.needs_fixture and start.fixture is None
+        if lacks_fixture or (start.hindered and self in start.hindered):
             return np.zeros(now.positions.shape[:-2])
 
         shares = []

@@ -331,6 +331,9 @@ class _Case:
             bodies = goal.subjects(self.start)
             body = next((name for name in bodies if name in self.left), bodies[0])
 
+            if self.start.hindered and goal in self.start.hindered:
+                yield f"the scene prevents {self.start.hindered[goal]}"
+
             parts = [part for part in goal.parts if not part.offset]
             for measure in chain(*(part.measures(body, self.start) for part in parts)):
                 begun = float(measure.value(self.start))

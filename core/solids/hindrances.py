@@ -6,21 +6,26 @@ only if it does so wherever its own joint stands. What moves freely can be pushe
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from core.goals import Goal, Reach, limits, numbered
 from core.robot.solids import Obstacles, body_solids
-from core.scene import Scene
+from core.scene import Joint, Scene
 from core.solids.escape import find_trap
-from core.solids.standing import OVERLAP_M, measure_gap
+from core.solids.standing import OVERLAP_M, Box, bound, measure_gap
 
 STEPS = 24  # places of a joint that are swept
 PLACES = 9  # of another joint, while one is swept
+MOVERS = 2  # other joints that are looked at together: that is 81 places
+LEAST_SHARE = (
+    0.05  # of a goal's progress: what lies beyond a stop, and is less, may be rounding
+)
 MOVED_M = 0.01  # a body that ends nearer stays where it is
 CALM = 0.98
 """The share of the least force that a limit has to allow; the rest is rounding."""
@@ -84,9 +89,19 @@ class Sweep:
             and (body.fixed or body.name in borne)
         ]
 
+    @cached_property
+    def _boxes(self) -> dict[str, Box]:
+        """Those around the bodies that can't be pushed away."""
+        return {name: bound(self.scene[name]) for name in self._others}
+
     def _is_blocked(self, moved: Scene, name: str, other: str) -> bool:
-        """Report whether a body meets another one, wherever that one's own joint stands."""
+        """Report whether a body meets another one, wherever the other joints that bear one of the two stand."""
         if frozenset((name, other)) in self.scene.joined:
+            return False
+
+        low, high = bound(moved[name])
+        bottom, top = self._boxes[other]
+        if (low > top).any() or (bottom > high).any():
             return False
 
         before = min(measure_gap(self.scene, name, other), 0.0)
@@ -94,25 +109,122 @@ class Sweep:
         if measure_gap(moved, name, other) >= limit:
             return False
 
-        for value in self._places(other):
-            elsewhere = moved.with_starts(value)
-            if measure_gap(elsewhere, name, other) >= limit:
+        movers = self._list_movers(name, other)
+        if len(movers) > MOVERS or any(joint.kind == "ball" for joint in movers):
+            return False  # there may be a way past
+
+        places = [_list_places(joint) for joint in movers]
+        for values in itertools.product(*places):
+            starts = {
+                joint.name: value for joint, value in zip(movers, values, strict=True)
+            }
+            if measure_gap(moved.with_starts(starts), name, other) >= limit:
                 return False
 
         return True
 
-    def _places(self, other: str) -> Iterator[dict[str, float]]:
-        """Yield places of the joint that bears a body."""
-        for joint in self.scene.joints:
-            if joint.body == other and joint.kind != "ball":
-                low = max(joint.lower, -math.pi)
-                high = min(joint.upper, math.pi)
-                for value in np.linspace(low, high, PLACES).tolist():
-                    yield {joint.name: value}
+    def _list_movers(self, name: str, other: str) -> list[Joint]:
+        """List the joints but the swept one that move one of two bodies against the other."""
+        bearing = {*_list_bearing(self.scene, name)}
+        moving = bearing.symmetric_difference(_list_bearing(self.scene, other))
+        return [
+            joint
+            for joint in self.scene.joints
+            if joint.name in moving and joint.name != self.joint.name
+        ]
+
+
+def _list_bearing(scene: Scene, name: str | None) -> Iterator[str]:
+    """Yield the joints that bear a body, from its own one on."""
+    joints = {joint.body: joint for joint in scene.joints}
+    while name in joints:
+        yield joints[name].name
+        name = joints[name].parent
+
+
+def _list_places(joint: Joint) -> list[float]:
+    """List places of a joint that may stand anywhere."""
+    low = max(joint.lower, -math.pi)
+    high = min(joint.upper, math.pi)
+    return np.linspace(low, high, PLACES).tolist()
+
+
+def find_blocked(goals: Sequence[Goal], scene: Scene) -> dict[object, str]:
+    """Find the goals that a scene's own bodies prevent, which nothing can push away, and a line for each.
+
+    A joint meets them before a goal's body is where it is asked to be. What the joint can't do pays nothing.
+    """
+    found = dict[object, str]()
+    scene = replace(scene, hindered={})  # what is known of it does not count
+    state = scene.state()
+    for number, goal in numbered(goals).items():
+        blocks = dict[str, str]()
+        for body, joint, aim in _list_guides(goal, scene):
+            line = _explain_block(goal, scene, joint, aim)
+            if line:
+                blocks[body] = line
+
+        if goal.needs_some(len(goal.subjects(state)), len(blocks)):
+            (line, *_) = blocks.values()
+            found[goal] = f"{goal.label(number)}: {line}"
+
+    return found
+
+
+def _list_guides(goal: Reach, scene: Scene) -> Iterator[tuple[str, str, float | None]]:
+    """Yield the joints that alone decide where a goal's bodies get: the body, its joint, and what is asked of that."""
+    for want in goal.wants(scene):
+        for joint in scene.joints:
+            asked = joint.name == want.joint
+            guided = not want.joint and scene.find_hinge(joint.body) == joint.name
+            if joint.kind == "ball" or joint.body not in want.bodies:
+                continue
+            if asked and scene.find_hinge(joint.body):
+                yield joint.body, joint.name, want.to
+            elif guided:
+                yield joint.body, joint.name, None
+
+
+def _explain_block(goal: Reach, scene: Scene, name: str, aim: float | None) -> str:
+    """Say what keeps a joint from where a goal is fulfilled best; empty: nothing does, or that is nowhere."""
+    sweep = Sweep(scene, name)
+    joint = sweep.joint
+    ends = _ends(joint.lower, joint.upper, joint.start)
+    if aim is not None:
+        ends = [min(max(aim, joint.lower), joint.upper)]
+
+    blocks = {end: sweep.to(end) for end in ends}
+    if not any(blocks.values()):
+        return ""
+
+    start = scene.state()
+    free = 0.0
+    beyond = 0.0
+    for end, block in blocks.items():
+        places = np.linspace(joint.start, end, STEPS + 1).tolist()
+        for place in places:
+            moved = scene.with_starts({name: place})
+            share = float(goal.progress(start, scene.complete(moved.state())))
+            way = abs(place - joint.start)
+            if block is None or way < abs(block.value - joint.start):
+                free = max(free, share)
+            elif share > beyond:
+                beyond = share
+                nearest = block
+
+    if free > beyond - LEAST_SHARE:
+        return ""
+
+    unit = "m" if joint.kind == "slider" else "rad"
+    return (
+        f"{nearest.body} meets {nearest.other} where joint {name} is at {nearest.value:.3g} {unit}, and has to go on; "
+        f"move {nearest.other}, or ask for less; so it pays nothing"
+    )
 
 
 def find_hindrances(goals: Sequence[Goal], scene: Scene) -> Iterator[str]:
     """Yield a line for each goal that the scene itself prevents."""
+    yield from find_blocked(goals, scene).values()
     for number, goal in numbered(goals).items():
         where = goal.label(number)
         yield from find_shut_in(goal, where, scene)

@@ -206,21 +206,23 @@ def find_layout_warnings(task: Task) -> Iterator[str]:
     plain = copy(task)
     plain.variation = NONE
     nominal = plain.scene(0)
-    known = {fault.bodies for fault in find_faults(nominal)}
-    first = dict[Pair, str]()
-    count = Counter[Pair]()
+    known = {fault.bodies for fault in find_faults(nominal)} | nominal.hindered.keys()
+    first = dict[object, str]()
+    count = Counter[object]()
 
     for seed in range(LAYOUTS):
         scene = task.scene(seed)
-        for fault in (*find_faults(scene), *find_left_behind(scene, nominal)):
-            if fault.bodies not in known:
+        faults = [*find_faults(scene), *find_left_behind(scene, nominal)]
+        found = [(fault.bodies, fault.text) for fault in faults]
+        for subject, text in (*found, *scene.hindered.items()):
+            if subject not in known:
                 where = f"in layout {seed} of variation {task.variation}"
-                first.setdefault(fault.bodies, f"{where}, {fault.text}")
-                count[fault.bodies] += 1
+                first.setdefault(subject, f"{where}, {text}")
+                count[subject] += 1
 
     lines = [
-        f"{text} (so in {count[bodies]} of {LAYOUTS} layouts)"
-        for bodies, text in first.items()
+        f"{text} (so in {count[subject]} of {LAYOUTS} layouts)"
+        for subject, text in first.items()
     ]
     yield from say_first(lines, "such warnings of layouts")
 

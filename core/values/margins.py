@@ -69,6 +69,12 @@ class Margin:
         return cls(name, 0.0, 1.0, "", -1.0)
 
     @property
+    def excess(self) -> float:
+        """How many times its limit the value is, where that is exceeded; else 0."""
+        is_beyond = self.value > self.limit > 0
+        return self.value / self.limit if is_beyond else 0.0
+
+    @property
     def has_room(self) -> bool:
         """Whether it is of a number, and not of a yes or no."""
         return bool(self.unit)
@@ -85,11 +91,11 @@ class Margin:
 
 
 def least_first(margins: Iterable[Margin]) -> tuple[Margin, ...]:
-    """Sort margins, the least first, without those that are no numbers."""
+    """Sort margins, the least first, without those that are no numbers; of those at -1 what is farthest beyond."""
     known = (
         m for m in margins if all(map(math.isfinite, (m.value, m.limit, m.margin)))
     )
-    return tuple(sorted(known, key=lambda m: m.margin))
+    return tuple(sorted(known, key=lambda m: (m.margin, -m.excess)))
 
 
 def find_least(margins: Iterable[Margin]) -> float:

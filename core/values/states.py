@@ -44,6 +44,7 @@ class State:
         bonds: the scene's bonds by name; likewise.
         pinned: the soft bodies of which nodes are pinned; likewise.
         fixture: what the design adds to the scene, None: nothing; likewise.
+        hindered: why the scene itself prevents goals, by the goal; likewise.
         soft: the nodes (..., N, 3) of each soft body by name. Its position is its centre of mass, and it never turns.
     """
 
@@ -59,6 +60,7 @@ class State:
     bonds: Mapping[str, Bond] = field(default_factory=dict)
     pinned: tuple[str, ...] = ()
     fixture: Fixture | None = None
+    hindered: Mapping[object, str] = field(default_factory=dict)
     soft: Mapping[str, Array] = field(default_factory=dict)
 
     def position(self, name: str, node: int | None = None) -> Array:
@@ -195,6 +197,7 @@ class State:
             bonds=first.bonds,
             pinned=first.pinned,
             fixture=first.fixture,
+            hindered=first.hindered,
             soft={
                 name: how([state.soft[name] for state in states]) for name in first.soft
             },

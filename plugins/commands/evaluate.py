@@ -116,7 +116,7 @@ def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
         **misses,
         "torque_share": None if hardest is None else hardest.share,
         "torque_joint": None if hardest is None else hardest.joint,
-        "room": None if least is None else least.margin,
+        "room": None if least is None else evaluation.room_left,
         "least_margin": "" if least is None else str(least),
         "warnings": list(evaluation.warnings),
         **level.report(evaluation, task),
@@ -191,7 +191,7 @@ def show(records: Sequence[Mapping[str, Any]]) -> None:
         causes = filter(None, (entry["reason"], *entry["warnings"]))
         remarks = [cause for cause in causes if cause not in observed]
         least = entry.get("least_margin")
-        if least:
+        if least and not entry["reason"]:
             remarks.append(f"least margin: {least}")
 
         remarks.append(observed)

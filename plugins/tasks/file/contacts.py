@@ -20,7 +20,6 @@ from core.robot.solids import (
     solids_of,
 )
 from core.scene import Scene
-from core.solids.hindrances import Sweep
 from core.solids.standing import OVERLAP_M, pair_bodies
 
 CONTACT_M = 0.0005  # the largest gap of what a rollout counts as contact
@@ -70,30 +69,6 @@ def find_buried(goal: Reach, scene: Scene) -> Iterator[str]:
                 if -gap > want.tolerance + OVERLAP_M:
                     depth = f"{-1000 * gap:.0f} mm inside {other.name}"
                     yield f"{name} is to end {depth}; a place is that of its middle"
-
-
-def find_blocked(goal: Reach, scene: Scene) -> Iterator[str]:
-    """Yield a line where what can't be pushed away stops the joint of a goal on its way."""
-    start = scene.state()
-    for want in goal.wants(scene):
-        if not want.joint or scene.placed_joints[want.joint].joint.kind == "ball":
-            continue
-
-        sweep = Sweep(scene, want.joint)
-        joint = sweep.joint
-        block = sweep.to(min(max(want.to, joint.lower), joint.upper))
-        if block is None:
-            continue
-
-        moved = scene.with_starts({joint.name: block.value})
-        reached = float(goal.progress(start, scene.complete(moved.state())))
-        if reached < 1.0:
-            unit = "m" if joint.kind == "slider" else "rad"
-            where = f"where joint {joint.name} is at {block.value:.3g} {unit}"
-            yield (
-                f"{goal.label(want.number)}: {block.body} meets {block.other} {where}, and has to go on; move "
-                f"{block.other}, or ask for less"
-            )
 
 
 def find_meetings(scene: Scene, names: set[str]) -> Iterator[Meeting]:

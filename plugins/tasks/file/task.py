@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,7 +20,7 @@ from core.hooks import Harmless, Names
 from core.interfaces import JsonObject, Picture, Task
 from core.robot.kinematics import arm_of
 from core.scene import Margin, Scene, State, Trace
-from core.solids.hindrances import find_hindrances
+from core.solids.hindrances import find_blocked, find_hindrances
 from core.solids.standing import find_overlaps, say_first
 from core.support.cli import expand
 from core.values.layouts import NONE, Draw, Ranges, Sets
@@ -190,7 +191,6 @@ class FileTask(Task):
         for goal in reaches(self.goals):
             yield from places.find_far(goal, arm, self._scene)
             yield from contacts.find_buried(goal, self._scene)
-            yield from contacts.find_blocked(goal, self._scene)
 
         yield from find_hindrances(self.goals, self._scene)
 
@@ -210,10 +210,15 @@ class FileTask(Task):
 
     def scene(self, seed: int) -> Scene:
         if self.variation == NONE:
-            return self._scene
+            return self._nominal
 
         draw = self.draw(seed)
-        return self.with_numbers({path: draw(path, 0.0) for path in self.ranges})
+        drawn = self.with_numbers({path: draw(path, 0.0) for path in self.ranges})
+        return replace(drawn, hindered=find_blocked(self.goals, drawn))
+
+    @cached_property
+    def _nominal(self) -> Scene:
+        return replace(self._scene, hindered=find_blocked(self.goals, self._scene))
 
     def with_numbers(self, numbers: dict[str, float]) -> Scene:
         """Build the scene with other numbers.

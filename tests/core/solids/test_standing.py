@@ -48,9 +48,9 @@ def cube(name, x, z, side=0.05, mass=0.1, shape=Box):
     return Body.of(name, form, (x, 0.0, z), mass=mass, color=GREY)
 
 
-def warnings_of(tmp_path, ranges):
+def warnings_of(tmp_path, ranges, scene=SCENE):
     file = tmp_path / "press.yaml"
-    file.write_text(SCENE.replace("RANGES", ranges))
+    file.write_text(scene.replace("RANGES", ranges))
     task = installed().create("task", "file", file=str(file), variation="wide")
     return list(find_layout_warnings(task))
 
@@ -92,6 +92,12 @@ def test_layouts_are_looked_at_as_the_nominal_one_is(tmp_path, ranges, said):
     assert bool(found) == (said is not None), found
     assert said is None or said in found[0]
     assert said is None or "of variation wide" in found[0]
+
+
+def test_a_layout_in_which_a_post_stops_its_button(tmp_path):
+    scene = SCENE.replace("0.1, 0.03]", "0.1, 0.02]")  # it has 12.5 mm of way
+    (line,) = warnings_of(tmp_path, "bodies.post.position.z: [0.02, 0.03]", scene)
+    assert "of variation wide, joint press (goal 0): button meets post" in line
 
 
 @pytest.mark.parametrize(

@@ -89,3 +89,38 @@ def test_a_limit_on_another_body_is_none_on_this_one(hindrances):
     text = PUSH.replace("max_force_n: 4.0", "max_force_n: 4.0, by: [block]")
     _, lines = hindrances(text.replace("untouched: [block]", "untouched: [table]"))
     assert lines == []
+
+
+GATE = """
+name: Gate
+description: A bolt on a gate stands behind a post. Draw it back, and open the gate.
+bodies:
+  - {name: post, box: [0.03, 0.05, 0.3], position: [0.63, -0.32, 0.15], fixed: true}
+  - {name: gate, box: [0.02, 0.3, 0.2], position: [0.6, -0.1, 0.15], mass: 0.5}
+  - {name: bolt, box: [0.01, 0.1, 0.01], position: [0.585, -0.26, 0.15], mass: 0.1}
+  - {name: catch, box: [0.03, 0.05, 0.3], position: [0.56, -0.3, 0.15], fixed: true}
+joints:
+  - {name: swing, kind: hinge, body: gate, axis: [0, 0, -1], origin: [0, 0.15, 0], lower: 0, upper: 1.4}
+  - {name: slide, kind: slider, body: bolt, parent: gate, axis: [0, 1, 0], lower: 0, upper: 0.1}
+goals:
+  - {name: opened, joint: swing, to: "> 1"}
+"""
+SLIDES = "lower: 0, upper: 0.1}"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("", "", ""),
+        (SLIDES, "lower: 0, upper: 0.01}", "opened: bolt meets catch where joint swing is at"),
+        ('joint: swing, to: "> 1"', 'bodies: [gate], turned_deg: "> 60"', ""),
+        ("fixed: true}\njoints", "mass: 0.2}\njoints", ""),  # it is pushed over
+        ("parent: gate, axis", "axis", "opened: gate meets bolt where joint swing is at"),
+        ("{name: swing, kind: hinge, body: gate,", "{name: swing, kind: hinge, body: gate, parent: frame,", ""),
+    ],
+)  # fmt: skip
+def test_what_a_joint_meets_may_be_moved_out_of_its_way(hindrances, old, new, said):
+    text = GATE.replace(old, new) if old else GATE
+    frame = "  - {name: frame, box: [0.02, 0.02, 0.02], position: [0.6, 0.1, 0.3], mass: 0.1}\n"
+    _, lines = hindrances(text.replace("joints:", f"{frame}joints:"))
+    assert [line[: len(said)] for line in lines] == [said] * bool(said)
