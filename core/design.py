@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -43,6 +43,26 @@ class Varied:
     added: tuple[float, ...]
 
 
+@dataclass(frozen=True)
+class Fork:
+    """Where a candidate's trials go on from: a waypoint of an earlier candidate, which begins as it does.
+
+    What comes of a trial is the same as if it was played from the start, in an engine that can go on (`Ability.FORKS`).
+
+    Attributes:
+        candidate: the earlier one.
+        waypoint: its number, from 1.
+        content: of the candidate, by which forks are compared.
+    """
+
+    candidate: Candidate = field(compare=False)
+    waypoint: int
+    content: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "content", self.candidate.content)
+
+
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """A tool and one action plan, which are tried together; a plan may differ by task (`ActionPlan.of`).
@@ -50,7 +70,7 @@ class Candidate:
     An array (N, 6) or (N, 7) as ``plan`` stands for literal `Waypoints`.
     ``problem`` says which rule the design breaks, so that it can't be tried, and ``refusals`` say so to programs, as
     far as there are codes; then ``tool`` may be None and ``plan`` empty. `id` is made of ``generation``, ``agent``,
-    ``design`` and ``action``. ``varied`` is set in a curve.
+    ``design`` and ``action``. ``varied`` is set in a curve, and ``fork`` where a trial goes on from another one's.
     """
 
     tool: Tool | None
@@ -65,6 +85,7 @@ class Candidate:
     parents: tuple[str, ...] = ()
     problem: str | None = None
     varied: Varied | None = None
+    fork: Fork | None = None
     refusals: tuple[Refusal, ...] = ()
 
     def __post_init__(self) -> None:

@@ -35,6 +35,7 @@ from core.trial import (
 from core.values.jobs import (
     Ability as Ability,
     Block as Block,
+    Checkpoint as Checkpoint,
     Feel as Feel,
     Felt as Felt,
     Looked as Looked,
@@ -102,6 +103,7 @@ class Rollout:
     targets. It lets ``settle_s`` pass, notes the start state, plays the trajectory, holds the last targets for
     ``hold_s``, and notes the end state. With ``record_hz`` > 0 all of it is recorded at that rate, and with ``forces``
     contact forces too. ``reactions`` change the trajectory on the way. There are ``steps_hz`` steps a second or more.
+    A job that ``begins`` as another one did goes on from there; one that begins otherwise is played from its start.
     What not every engine can do is an `Ability`.
     """
 
@@ -116,6 +118,7 @@ class Rollout:
 
     scene: Scene | None = None
     steps_hz: float = 0.0
+    begins: Checkpoint | None = None
 
 
 class Simulator(ABC):
@@ -143,6 +146,10 @@ class Simulator(ABC):
         Raises:
             NoPicture: nothing on this machine can draw (see `core.errors`).
         """
+
+    def stop_at(self, task: Task, job: Rollout, instant: float) -> Checkpoint:
+        """Play a job up to an instant of its motion, seconds, for others that begin as it does; see `Ability.FORKS`."""
+        raise NotImplementedError("this engine does not go back")
 
     def world(self, task: Task, tool: Tool, seed: int = 0) -> World:
         """Make a world that the caller steps: the layout of ``seed``, the arm at the task's home, its fingers open.

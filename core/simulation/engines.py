@@ -12,11 +12,20 @@ from typing import ClassVar
 
 from core.design import DesignError, Tool
 from core.errors import UserError
-from core.interfaces import Ability, Outcome, Robot, Rollout, Simulator, Task, World
+from core.interfaces import (
+    Ability,
+    Checkpoint,
+    Outcome,
+    Robot,
+    Rollout,
+    Simulator,
+    Task,
+    World,
+)
 from core.plugins import SIMULATOR, Plugins, installed
 from core.robot.trajectory import at_home
 from core.scene import Scene
-from core.simulation.playback import play
+from core.simulation.playback import play, stop_at
 from core.solids.standing import MOST_HZ, find_rate, list_flights
 from core.support.text import list_some
 
@@ -193,6 +202,9 @@ class SteppingSimulator(Simulator):
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
         return [self._play(task, job) for job in jobs]
 
+    def stop_at(self, task: Task, job: Rollout, instant: float) -> Checkpoint:
+        return stop_at(self._build(task, job), job, instant)
+
     def world(self, task: Task, tool: Tool, seed: int = 0) -> World:
         return self._build(task, Rollout(tool, at_home(task), seed))
 
@@ -205,7 +217,8 @@ class SteppingSimulator(Simulator):
         """Play a job; once more with finer steps, where a small body got too fast for those that there were."""
         try:
             outcome = play(self._build(task, job), job)
-            finer = replace(job, steps_hz=find_steps_hz(scene_of(job, task), outcome))
+            steps_hz = find_steps_hz(scene_of(job, task), outcome)
+            finer = replace(job, steps_hz=steps_hz, begins=None)
             if finer.steps_hz > 0:
                 outcome = play(self._build(task, finer), finer)
         except self.failures as error:

@@ -10,6 +10,9 @@ from core.interfaces import Fitness, Motion, Outcome, Task
 from core.plugins import installed
 from core.trial import WHAT_DECIDES, Figure, Trial, mean_figure
 
+BEGINS_S = "begins_s"
+"""Of a trial that went on from an earlier one (`core.design.Fork`): from when on it was played, s."""
+
 BUILT_IN = {
     "distance_m": Figure(
         lambda task, motion, outcome: motion.distance_m,
@@ -52,11 +55,14 @@ def describe_order(tie_by: str) -> tuple[str, ...]:
 
 
 def measure(task: Task, motion: Motion, outcome: Outcome) -> dict[str, float]:
-    """Measure a rollout that came to its end: its figures by name."""
-    return {
+    """Measure a rollout that came to its end: its figures by name, and from when on it was played, if not from 0 s."""
+    measured = {
         name: float(figure.measure(task, motion, outcome))
         for name, figure in figures().items()
     }
+    if outcome.begins_s:
+        measured[BEGINS_S] = outcome.begins_s
+    return measured
 
 
 def cost_of(trials: Iterable[Trial], name: str) -> float:

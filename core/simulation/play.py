@@ -26,6 +26,7 @@ from core.simulation.attempt import (
     plan_attempt,
     stage_of,
 )
+from core.simulation.forks import begin_at_fork
 from core.simulation.judging import judge_attempts
 from core.support.text import number, shorten
 from core.trial import NOTHING, Condition, Trial
@@ -82,6 +83,10 @@ def _play(stage: Stage, candidates: Sequence[Candidate]) -> list[Trial]:
 def _try(stage: Stage, candidates: Sequence[Candidate]) -> list[Attempt]:
     """Try each candidate, and return the attempts with their trials, in order."""
     attempts = [plan_attempt(stage, candidate) for candidate in candidates]
+    for attempt in attempts:
+        if attempt.trial is None and attempt.candidate.fork is not None:
+            attempt.job = begin_at_fork(stage, attempt.candidate.fork, attempt.job)
+
     planned = [attempt for attempt in attempts if attempt.trial is None]
     outcomes = _run_engine(stage, [attempt.job for attempt in planned])
 

@@ -18,6 +18,7 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import (
     Block,
+    Checkpoint,
     JointTrajectory,
     Outcome,
     Passed,
@@ -127,15 +128,19 @@ class Player:
     Attributes:
         schedule: as guards and looks have changed it so far.
         done: how many steps are done.
+        stop: it ends after so many steps at most, where a reading would be; None: with the job.
         error: why the world broke, if it did.
     """
 
     def __init__(self, job: Rollout, time_step: float, ahead: int = 0) -> None:
         self.schedule = Schedule(job, time_step)
         self.done = 0
+        self.stop: int | None = None
         self.error: str | None = None
         self._ahead = ahead
+        self._begins_s = 0.0
 
+        self._heard: list[tuple[str, tuple[Any, ...]]] = []
         self._torques: list[Array] = []
         self._notes: dict[int, Any] = {}  # by the number of steps that are done
 
@@ -163,7 +168,7 @@ class Player:
         if self.error is not None:
             return schedule.block(self.done, self.done)
 
-        left = schedule.count - self.done
+        left = self._count_left()
         reactions = schedule.job.reactions
         if reactions is None:
             return schedule.block(self.done, self.done + left)
@@ -181,6 +186,15 @@ class Player:
 
         return schedule.block(self.done, self.done + count, readings)
 
+    def _count_left(self) -> int:
+        """Count the steps that are left; up to a stop whole ticks, so that readings come when they would without it."""
+        left = self.schedule.count - self.done
+        if self.stop is None:
+            return left
+
+        tick = self.schedule.tick
+        return min(left, max(self.stop - self.done, 0) // tick * tick)
+
     def take(self, block: Block, passed: Passed) -> Block | None:
         """Take what came of a block.
 
@@ -195,7 +209,7 @@ class Player:
             if reactions is None or now < reactions.since:
                 continue
 
-            changed = reactions.feel(now, *reading)
+            changed = self._tell("feel", now, *reading)
             if changed is None:
                 continue
 
@@ -235,13 +249,89 @@ class Player:
             return False
         if self.schedule.find_step(reactions.looks_at) > self.done:
             return False  # where a guard ends the way to the look, its last reading may come after that
+        if self.stop is not None and not self._count_left():
+            return False
 
         now = float(self.schedule.instants[self.done])
         arm, fingers, states = worlds.read(number, [worlds.note()[number]])
-        changed = reactions.look(now, arm[0], fingers[0], states[0])
+        changed = self._tell("look", now, arm[0], fingers[0], states[0])
         if changed is not None:
             self._change(changed)
 
+        return True
+
+    def _tell(self, name: str, *given: Any) -> JointTrajectory | None:
+        """Call a method of the reactions, and keep what it was given."""
+        self._heard.append((name, given))
+        changed: JointTrajectory | None = getattr(self.schedule.job.reactions, name)(
+            *given
+        )
+        return changed
+
+    def leave(self, world: World) -> Checkpoint:
+        """Return what others need to go on from here."""
+        schedule = self.schedule
+        return Checkpoint(
+            schedule.time_step,
+            schedule.settle,
+            self.done,
+            schedule.job.trajectory.sample(schedule.instants[: self.done + 1]),
+            self._expect(),
+            self._heard,
+            self._notes,
+            self._torques,
+            world.save(),
+        )
+
+    def _expect(self) -> tuple[object, ...]:
+        """Return what the reactions wait for until now, and what they have found out."""
+        reactions = self.schedule.job.reactions
+        if reactions is None:
+            return (math.inf, math.inf, (), 0)
+
+        now = float(self.schedule.instants[self.done])
+        awaited = [
+            instant if instant < now else math.inf
+            for instant in (reactions.since, reactions.looks_at)
+        ]
+        return (*awaited, reactions.felt, len(reactions.looked))
+
+    def go_on(self, point: Checkpoint, world: World) -> bool:
+        """Go on from where another job was stopped, if this one begins as that did.
+
+        Returns:
+            Whether it does. Else the reactions have to begin anew.
+        """
+        if (point.time_step, point.settle) != (
+            self.schedule.time_step,
+            self.schedule.settle,
+        ):
+            return False
+        if point.heard and self.schedule.job.reactions is None:
+            return False
+
+        for name, given in point.heard:
+            changed = self._tell(name, *given)
+            if changed is not None:
+                self._change(changed)
+
+        self.done = point.done
+        schedule = self.schedule
+        if schedule.count < self.done or self._expect() != point.expected:
+            return False
+
+        targets = schedule.job.trajectory.sample(schedule.instants[: self.done + 1])
+        if not all(map(np.array_equal, targets, point.targets)):
+            return False
+
+        needed = [mark for mark in schedule.marks if mark <= self.done]
+        if not point.notes.keys() >= {schedule.settle, *needed}:
+            return False
+
+        self._notes = dict(point.notes)
+        self._torques = list(point.torques)
+        self._begins_s = float(schedule.instants[self.done])
+        world.restore(point.world)
         return True
 
     def add_torques(self, passed: Passed) -> None:
@@ -287,6 +377,7 @@ class Player:
             looked=reactions.looked if reactions else (),
             torques=np.max(self._torques, axis=0) if self._torques else None,
             time_step=schedule.time_step,
+            begins_s=self._begins_s,
         )
 
     def _develop(self, worlds: Worlds, number: int) -> Recording:
@@ -331,11 +422,11 @@ class Alone(Worlds):
     def loads(self, number: int, notes: Sequence[Any]) -> Mapping[str, Array]:
         return self._world.loads(notes)
 
-    def save(self) -> None:
-        self._world.save()
+    def save(self) -> Any:
+        return self._world.save()
 
-    def restore(self) -> None:
-        self._world.restore()
+    def restore(self, saved: Any) -> None:
+        self._world.restore(saved)
 
 
 def refuse_targets(job: Rollout) -> Outcome | None:
@@ -365,8 +456,35 @@ def play(world: World, job: Rollout) -> Outcome:
     if refused is not None:
         return refused
 
-    (outcome,) = play_together(Alone(world), [job])
-    return outcome
+    if job.begins is None:
+        (outcome,) = play_together(Alone(world), [job])
+        return outcome
+
+    player = Player(job, world.time_step, _AHEAD if world.rewinds else 0)
+    if not player.go_on(job.begins, world):
+        return play(world, replace(job, begins=None))
+
+    _advance(Alone(world), [player])
+    return player.conclude(Alone(world), 0)
+
+
+def stop_at(world: World, job: Rollout, instant: float) -> Checkpoint:
+    """Play a job up to an instant of its motion, seconds.
+
+    Args:
+        world: with the scene, and with the robot at the first targets.
+        job: what is played; its world does not break until then.
+        instant: it is stopped at most `FEEL_S` before.
+    """
+    if job.reactions is not None:
+        job = replace(job, trajectory=job.reactions.begin())
+
+    player = Player(job, world.time_step, _AHEAD if world.rewinds else 0)
+    player.stop = player.schedule.find_step(instant)
+    worlds = Alone(world)
+    _settle(worlds, [player])
+    _advance(worlds, [player])
+    return player.leave(world)
 
 
 def play_together(worlds: Worlds, jobs: Sequence[Rollout]) -> list[Outcome]:
@@ -379,6 +497,13 @@ def play_together(worlds: Worlds, jobs: Sequence[Rollout]) -> list[Outcome]:
     ahead = _AHEAD if worlds.rewinds else 0
     players = [Player(job, worlds.time_step, ahead) for job in jobs]
 
+    _settle(worlds, players)
+    _advance(worlds, players)
+    return [player.conclude(worlds, number) for number, player in enumerate(players)]
+
+
+def _settle(worlds: Worlds, players: Sequence[Player]) -> None:
+    """Let worlds settle, and begin the motions."""
     firsts = worlds.note()
     settled = worlds.advance([player.settling() for player in players])
     worlds.launch()
@@ -387,6 +512,9 @@ def play_together(worlds: Worlds, jobs: Sequence[Rollout]) -> list[Outcome]:
     ):
         player.begin(first, passed, now)
 
+
+def _advance(worlds: Worlds, players: Sequence[Player]) -> None:
+    """Play jobs from where they are to their ends."""
     while True:
         for number, player in enumerate(players):
             while player.look(worlds, number):
@@ -396,8 +524,9 @@ def play_together(worlds: Worlds, jobs: Sequence[Rollout]) -> list[Outcome]:
         if not any(len(block) for block in blocks):
             break
 
+        saved = None
         if any(len(block.readings) > 1 for block in blocks):
-            worlds.save()
+            saved = worlds.save()
 
         advanced = worlds.advance(blocks)
         redone = []
@@ -407,9 +536,7 @@ def play_together(worlds: Worlds, jobs: Sequence[Rollout]) -> list[Outcome]:
                 redone.append((player, shorter))
 
         if redone:
-            worlds.restore()
+            worlds.restore(saved)
             again = worlds.advance([shorter for _, shorter in redone])
             for (player, _), passed in zip(redone, again, strict=True):
                 player.add_torques(passed)
-
-    return [player.conclude(worlds, number) for number, player in enumerate(players)]

@@ -145,7 +145,9 @@ class Ability(StrEnum):
     BONDS = "bonds that break"
     LIGHT_BODIES = "bodies lighter than 0.2 g"
     FINE_STEPS = "steps so fine that small things don't fall through thin ones"
-    TORQUES = "torques of motors"  # no job needs them: without, trials do not say them
+    # No job needs these: without, trials do not say torques, and are played from the start.
+    TORQUES = "torques of motors"
+    FORKS = "going on from a stored state"
 
 
 @dataclass(unsafe_hash=True)
@@ -303,7 +305,8 @@ class Outcome:
     ``tracking_error_rad`` is the largest lag of an arm joint behind its target. ``error`` says why the rollout failed;
     then the states are None. ``felt``: how guards ended. ``looked``: what looks found out. ``torques`` (J,): the
     greatest that the arm's motors applied in a step of the motion, N m; None: the engine does not say. ``time_step``:
-    of the engine, seconds; 0: it does not say.
+    of the engine, seconds; 0: it does not say. ``begins_s``: from when on it was played, seconds of the motion; until
+    then it is that of a `Checkpoint`.
     """
 
     start: State | None
@@ -317,6 +320,7 @@ class Outcome:
 
     torques: Array | None = None
     time_step: float = 0.0
+    begins_s: float = 0.0
 
 
 class Order(NamedTuple):
@@ -440,7 +444,7 @@ class World(ABC):
 
     Attributes:
         time_step: seconds.
-        rewinds: whether it has `save` and `restore`. Then several readings of guards are played in one block.
+        rewinds: whether `save` and `restore` are fast. Then several readings of guards are played in one block.
         tells_torques: whether it has `note_torques`.
     """
 
@@ -494,13 +498,13 @@ class World(ABC):
 
         return Passed(notes, readings, greatest)
 
-    def save(self) -> None:
-        """Remember how the world is now."""
-        raise NotImplementedError("this engine does not rewind")
+    def save(self) -> Any:
+        """Return how the world is now, after its launch, with all that it has measured so far."""
+        raise NotImplementedError("this engine does not go back")
 
-    def restore(self) -> None:
-        """Return to how the world was when it was last saved."""
-        raise NotImplementedError("this engine does not rewind")
+    def restore(self, saved: Any) -> None:
+        """Go on from how a world was when it was saved: this one, or another one of the same scene and tool."""
+        raise NotImplementedError("this engine does not go back")
 
     def note(self) -> Any:
         """Take a snapshot of the joints and free bodies, in the form that is fastest to get."""
@@ -580,10 +584,37 @@ class Worlds(ABC):
         """Return the largest forces on the bonds of one of the worlds."""
         return {}
 
-    def save(self) -> None:
-        """Remember how the worlds are now."""
-        raise NotImplementedError("this engine does not rewind")
+    def save(self) -> Any:
+        """Return how the worlds are now."""
+        raise NotImplementedError("this engine does not go back")
 
-    def restore(self) -> None:
+    def restore(self, saved: Any) -> None:
         """Return to how they were."""
-        raise NotImplementedError("this engine does not rewind")
+        raise NotImplementedError("this engine does not go back")
+
+
+@dataclass(frozen=True, eq=False)
+class Checkpoint:
+    """A rollout that was stopped on its way. Others with the same beginning go on from there.
+
+    Attributes:
+        time_step: of the engine, seconds.
+        settle: how many steps let the world settle.
+        done: how many steps are done.
+        targets: of the arm (S, J) and the fingers (S,), when steps begin and the last one ends.
+        expected: what the reactions were waiting for, and what they had found out.
+        heard: what the reactions were given, in order: the name of a method, and its arguments.
+        notes: of the world, by how many steps were done.
+        torques: the greatest of each block.
+        world: see `World.save`.
+    """
+
+    time_step: float
+    settle: int
+    done: int
+    targets: tuple[Array, Array]
+    expected: tuple[object, ...]
+    heard: Sequence[tuple[str, tuple[Any, ...]]]
+    notes: Mapping[int, Any]
+    torques: Sequence[Array]
+    world: Any

@@ -172,6 +172,14 @@ class TryDesign(OfDesigns):
         max_length=50,
         description="In another engine, such as pybullet, as a second opinion; by default in one layout.",
     )
+    from_waypoint: int | None = Field(
+        None,
+        ge=1,
+        description=(
+            "With candidate and change: go on from this waypoint of that candidate, at which its arm rests, in layouts "
+            "in which it was played. The plan up to there stays as it is, and only the rest is paid."
+        ),
+    )
 
 
 class TryCurve(Arguments):
@@ -252,8 +260,8 @@ KINDS: dict[str, ToolKind] = {
     ),
     "try_design": ToolKind(
         TryDesign,
-        "Play designs in the layouts of the search, in some of them, or in another engine: reward, reason, what was "
-        "observed. Costs rollouts of the budget. "
+        "Play designs in the layouts of the search, in some of them, in another engine, or the rest of a plan from a "
+        "waypoint of an earlier trial: reward, reason, what was observed. Costs rollouts of the budget. "
         "A design that breaks a rule is not played, and costs nothing; where nobody measured the scene, one that does "
         "not start clear of it counts.",
         reads_only=False,

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import asdict, replace
 from typing import Any
 
-from core.design import Candidate, DesignError, Tool
+from core.design import Candidate, DesignError, Fork, Tool
 from core.designs.curves import CURVE, vary
 from core.designs.reading import list_designs
 from core.designs.replies import parse_reply
@@ -265,7 +265,8 @@ class Tools:
             listed = "\n".join(faults)
             raise Refused(f"Nothing was tried, and nothing is counted:\n{listed}")
 
-        if asked.layouts is not None or asked.engine is not None:
+        beside = (asked.layouts, asked.engine, asked.from_waypoint)
+        if any(wish is not None for wish in beside):
             return self._try_beside(asked, candidates)
 
         text = write_document(self._session, asked)
@@ -274,14 +275,18 @@ class Tools:
         raise self._pay(text, len(candidates) + curves * self._curve)
 
     def _try_beside(self, asked: TryDesign, candidates: Sequence[Candidate]) -> Answer:
-        """Play candidates in some layouts of the search, or in another engine: they are none of the search."""
+        """Play candidates in some layouts of the search, in another engine, or from where an earlier one was.
+
+        They are none of the search.
+        """
         conditions = self._choose_conditions(asked)
+        fork = self._find_fork(asked, conditions)
         self._check_budget(len(candidates), len(conditions))
         session = self._session
         player = session.strategy.trials
         assert player is not None
         number = len(session.beside) + 1
-        named = [replace(each, agent=number) for each in candidates]
+        named = [replace(each, agent=number, fork=fork) for each in candidates]
 
         evaluations = []
         with self._session.agent.playing():
@@ -292,8 +297,45 @@ class Tools:
         session.beside += evaluations
         answer = [_dump(self._session.describer.describe(each)) for each in evaluations]
         for evaluation in evaluations:
+            answer += self._session.describer.describe_beginnings(evaluation)
             answer += self._session.describer.compare_engines(evaluation, player.known)
         return [Text("\n\n".join([*answer, self._state()]))]
+
+    def _find_fork(
+        self, asked: TryDesign, conditions: Sequence[Condition]
+    ) -> Fork | None:
+        """Return where the trials of a call go on from; None: they begin at the start.
+
+        Raises:
+            Refused: it names no candidate that was played there, or none of its waypoints.
+        """
+        if asked.from_waypoint is None:
+            return None
+        if asked.candidate is None:
+            raise Refused("try_design: from_waypoint goes with candidate and change")
+
+        earlier = self._session.find(asked.candidate)
+        played = {trial.where for trial in earlier.trials if trial.status == "ok"}
+        for condition in conditions:
+            if condition.where not in played:
+                raise Refused(
+                    f"try_design: {earlier.candidate.id} was not played in layout {condition.layout} in "
+                    f"{condition.where.engine}, so nothing goes on from there; name others in `layouts`"
+                )
+            self._check_waypoint(condition, earlier.candidate, asked.from_waypoint)
+        return Fork(earlier.candidate, asked.from_waypoint)
+
+    def _check_waypoint(
+        self, condition: Condition, candidate: Candidate, waypoint: int
+    ) -> None:
+        """Check that a plan has a waypoint, as far as its number of waypoints is known without playing it."""
+        rehearsal = rehearse(condition, candidate, checks=False)
+        if rehearsal.planned.job.reactions is not None:
+            return
+        try:
+            rehearsal.find_sample(waypoint, None)
+        except DesignError as error:
+            raise Refused(f"try_design: {error}") from error
 
     def _choose_conditions(self, asked: TryDesign) -> list[Condition]:
         """Return the conditions in which a call tries designs beside the search.

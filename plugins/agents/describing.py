@@ -12,6 +12,7 @@ from core.designs.prompt_values import RunFacts
 from core.designs.reading import dump_design
 from core.interfaces import Brief, Evaluation, Trial
 from core.plugins import installed
+from core.simulation.measuring import BEGINS_S
 from core.simulation.rehearsing import Rehearsal
 from core.support.templates import fill
 from core.support.text import number, short_numbers
@@ -70,6 +71,26 @@ class Describer:
         brief = replace(self.brief, elites=(evaluation,))
         (elite,) = json.loads(compute(brief, Tool(gripper=brief.gripper), self.facts))
         return {**elite, **entry}
+
+    def describe_beginnings(self, evaluation: Evaluation) -> list[str]:
+        """Say of trials that were to go on from an earlier one from when on they were played, a line each."""
+        fork = evaluation.candidate.fork
+        if fork is None:
+            return []
+
+        lines = []
+        for trial in evaluation.trials:
+            from_s = trial.measured.get(BEGINS_S, 0.0)
+            if from_s:
+                said = f"went on from waypoint {fork.waypoint} of {fork.candidate.id}, at {from_s:.2f} s"
+                said += f" of {trial.motion_s:.2f} s"
+            else:
+                said = (
+                    f"played from the start: {trial.engine} can't go on from a stored state, or the plan differs from "
+                    f"{fork.candidate.id} before it rests at waypoint {fork.waypoint}"
+                )
+            lines.append(f"layout {trial.layout}: {said}")
+        return lines
 
     def compare_engines(
         self, evaluation: Evaluation, known: Mapping[tuple[str, Where], Trial]

@@ -25,6 +25,7 @@ from core.interfaces import (
 from core.search.assignment import Team
 from core.search.builder import builder_for
 from core.search.designer import ModelDesigner
+from core.simulation.measuring import BEGINS_S
 from core.support.text import clean
 from core.trial import best_first, count_rollouts
 from plugins.agents.agent import Agent
@@ -34,6 +35,16 @@ from plugins.agents.describing import Describer
 _ALONE = Team([0])
 _SEARCHED = re.compile(r"g\d+-a0-")
 """The ids of candidates of the search; those that are tried beside it have other agents' numbers."""
+
+
+def begins_s(trial: Trial) -> float:
+    """Return from when on a trial was played, seconds of its motion; 0: from the start."""
+    return trial.measured.get(BEGINS_S, 0.0)
+
+
+def _find_played_s(trial: Trial) -> float:
+    """Return how many seconds of motion were played; 0: it was not played to its end."""
+    return (trial.motion_s or 0.0) - begins_s(trial)
 
 
 @dataclass(eq=False)
@@ -115,7 +126,10 @@ class Session:
         found = [e for e in tried if e.candidate.id == name]
         if not found:  # its end names it, where no other ends so
             found = [e for e in tried if e.candidate.id.endswith(f"-{name}")]
-        if len(found) != 1:
+        if len(found) > 1:
+            names = ", ".join(e.candidate.id for e in found)
+            raise Refused(f"{clean(name, 60)!r} is the end of several ids: {names}")
+        if not found:
             raise Refused(
                 f"no candidate {clean(name, 60)!r} was tried; best_designs lists those that were"
             )
@@ -129,10 +143,18 @@ class Session:
         return [trial for trial in known if not _SEARCHED.match(trial.candidate)]
 
     @property
-    def rollouts(self) -> int:
+    def beside_rollouts(self) -> float:
+        """The rollouts of these; of one that went on from an earlier trial the share that was played."""
+        return math.fsum(
+            _find_played_s(trial) / trial.figure("motion_s") if begins_s(trial) else 1.0
+            for trial in self.trials_beside
+        )
+
+    @property
+    def rollouts(self) -> float:
         """The rollouts that were played so far."""
         searched = sum(count_rollouts(e.candidate.id, e.trials) for e in self.tried)
-        return searched + len(self.trials_beside)
+        return searched + self.beside_rollouts
 
     @property
     def seconds(self) -> float:
@@ -140,20 +162,19 @@ class Session:
         played = [
             t for e in self.tried for t in e.trials if t.candidate == e.candidate.id
         ]
-        lasted = [trial.figure("motion_s") for trial in [*played, *self.trials_beside]]
-        return math.fsum(motion_s for motion_s in lasted if math.isfinite(motion_s))
+        return math.fsum(map(_find_played_s, [*played, *self.trials_beside]))
 
     def count_left(self, each: int) -> int:
         """Count the tries of ``each`` rollouts that the budget still holds: as many candidates in all, or rollouts."""
         budget = self.strategy.budget
         whole = len(self.conditions)
         most = budget.population * (budget.n_iteration + 1)
-        left = (most - len(self.tried)) * whole - len(self.trials_beside)
+        left = (most - len(self.tried)) * whole - self.beside_rollouts
         if budget.n_rollouts is not None:
             # One that was refused in the scene says where things are, as one that was played does.
             refused = sum(evaluation.status == "rejected" for evaluation in self.tried)
             left = min(left, budget.n_rollouts - self.rollouts - refused * whole)
-        return max(left // each, 0)
+        return max(int(left // each), 0)
 
     # --- assignments ----------------------------------------------------------------------------------------------
 

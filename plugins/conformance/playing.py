@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -91,6 +92,25 @@ def check_fast_ways_are_what_steps_give(simulator: Simulator) -> None:
     lag = stepped.outcome.tracking_error_rad
     what = "the arm's lag, played and stepped, rad"
     near(what, played.outcome.tracking_error_rad, lag, 1e-6)
+
+
+def check_going_on_is_playing_whole(simulator: Simulator) -> None:
+    """A job that goes on from where it was stopped, while the arm pushes a cube, is to the bit the one played whole."""
+    if Ability.FORKS not in simulator.supports:
+        raise LeftOut("it does not go on from a stored state")
+
+    task = Bodies(table(), cube(at=(0.6, 0.0, 0.05)))
+    way = motion([[0.45, 0, 0.3, 0, 0, 0], [0.6, 0, 0.3, 0, 0, 0]])
+    job = Rollout(stick(0.25), way, settle_s=0.1, hold_s=0.2, record_hz=50.0)
+    whole = Film(task.scene(0), play(simulator, task, job))
+    point = simulator.stop_at(task, job, 0.8 * way.duration)
+    rest = Film(task.scene(0), play(simulator, task, replace(job, begins=point)))
+
+    begins_s = rest.outcome.begins_s
+    assert begins_s > 0, "it plays from the start what has a stored state"
+    near("the cube, whole and gone on, m", rest.path("cube"), whole.path("cube"), 0.0)
+    joints = whole.recording.arm
+    near("joints, whole and gone on, rad", rest.recording.arm, joints, 0.0)
 
 
 def check_motors_bear_what_statics_says(simulator: Simulator) -> None:

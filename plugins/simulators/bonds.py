@@ -39,6 +39,16 @@ class Bonds(ABC):
         """How many steps were taken."""
         return len(self._forces)
 
+    def save(self) -> tuple[Array, list[Array]]:
+        """Return which bonds hold, and the forces so far."""
+        return self._holds.copy(), list(self._forces)
+
+    def restore(self, saved: tuple[Array, list[Array]]) -> None:
+        """Go on from how other bonds of the same scene were; the engine holds and releases them itself."""
+        holds, forces = saved
+        self._holds = holds.copy()
+        self._forces = list(forces)
+
     def end_step(self) -> None:
         """Note the forces of the last step, and release the bonds that they break."""
         if not self._names:

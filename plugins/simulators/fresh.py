@@ -92,7 +92,7 @@ class FreshWorlds(SteppingSimulator, Generic[Prepared]):
         settings: others, which must be above 0, too.
     """
 
-    supports = frozenset(Ability) - {Ability.SOFT_BODIES}
+    supports = frozenset(Ability) - {Ability.SOFT_BODIES, Ability.FORKS}
 
     def __init__(self, time_step: float, **settings: float) -> None:
         check_positive("sim.", **settings)

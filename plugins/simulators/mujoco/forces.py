@@ -200,6 +200,16 @@ class Meter:
         if len(self._steps) == PACKED:
             self.pack()
 
+    def save(self) -> tuple[list[Measured], list[_Step]]:
+        """Return what was measured so far."""
+        return list(self._packed), list(self._steps)
+
+    def restore(self, saved: tuple[list[Measured], list[_Step]]) -> None:
+        """Go on from what was measured so far by another one of the same scene."""
+        packed, steps = saved
+        self._packed = list(packed)
+        self._steps = list(steps)
+
     def pack(self) -> list[Measured]:
         """Return the contacts of all steps so far."""
         if self._steps:

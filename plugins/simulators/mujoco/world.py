@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +31,24 @@ _Note = tuple[int, Array]
 """A snapshot: how many steps the job has done, and the state after them (X,)."""
 
 
+class _Saved(NamedTuple):
+    """A world as it was after a step.
+
+    Attributes:
+        data: MuJoCo's.
+        done: how many steps of the job were done.
+        moved: how many of them since the launch.
+        contacts: what was measured, see `Meter.save`.
+        bonds: see `Bonds.save`.
+    """
+
+    data: Element
+    done: int
+    moved: float
+    contacts: Any
+    bonds: Any
+
+
 class World(interfaces.World):
     """A world that jobs are played in one after another; `begin` comes before each of them.
 
@@ -49,7 +69,6 @@ class World(interfaces.World):
         self._joints = Joints(robot, tool, model)
         self._moving = Moving(scene, model)
         self._data = mujoco.MjData(model)
-        self._saved = mujoco.MjData(model)
         self._feeler = Feeler(model)
         self._motors = Motors(model, self._joints.arm)
         self._tick = max(1, round(FEEL_S / self.time_step))
@@ -60,7 +79,7 @@ class World(interfaces.World):
 
     @property
     def rewinds(self) -> bool:  # type: ignore[override]
-        # What was measured can't be taken back.
+        # Else all that was measured is copied each time.
         return self._meter is None and not self._scene.bonds
 
     def begin(self, job: Rollout) -> None:
@@ -137,13 +156,23 @@ class World(interfaces.World):
 
         return Passed(self._take_notes(block, states), readings, torques)
 
-    def save(self) -> None:
-        mujoco.mj_copyData(self._saved, self._model, self._data)
-        self._saved_at = self._done, self._moved
+    def save(self) -> _Saved:
+        return _Saved(
+            copy(self._data),
+            self._done,
+            self._moved,
+            self._meter and self._meter.save(),
+            self._bonds.save(),
+        )
 
-    def restore(self) -> None:
-        mujoco.mj_copyData(self._data, self._model, self._saved)
-        self._done, self._moved = self._saved_at
+    def restore(self, saved: _Saved) -> None:
+        mujoco.mj_copyData(self._data, self._model, saved.data)
+        self._done = saved.done
+        self._moved = saved.moved
+        if self._meter is not None:
+            self._meter.restore(saved.contacts)
+        self._bonds.restore(saved.bonds)
+        self._joints.hold(self._model, held=False)
 
     def note(self) -> _Note:
         return self._done, self._read_state()

@@ -91,10 +91,10 @@ class Rewinding(Straining):
     rewinds = True
 
     def save(self):
-        self.saved = list(self.taken)
+        return list(self.taken)
 
-    def restore(self):
-        self.taken = self.saved
+    def restore(self, saved):
+        self.taken = list(saved)
 
     def pushes(self):
         return np.zeros((0, 3)), np.zeros((0, 3))

@@ -214,6 +214,32 @@ def test_a_try_for_less_costs_what_it_plays(tmp_path):
     assert "Nothing was tried" in text(said["more"])
 
 
+def test_the_rest_of_a_plan_costs_what_it_plays(tmp_path):
+    said = {}
+
+    async def fork(client):
+        await ask(client, "try_design", {"designs": solution()})
+        rest = {"candidate": "g0-a0-s0-p0", "from_waypoint": 2}
+        for name, asked in {
+            "on": {**rest, "change": {"action_sets.0.2.1": 0.05}},
+            "otherwise": {**rest, "change": {"action_sets.0.0.1": 0.05}},
+            "none": {**rest, "from_waypoint": 9},
+            "elsewhere": {**rest, "engine": "pybullet"},
+            "nothing": {"designs": solution(), "from_waypoint": 2},
+        }.items():
+            said[name] = text(await ask(client, "try_design", asked))
+
+    converse(fork, tmp_path, *SMALL, "folder=run")
+    assert "went on from waypoint 2 of g0-a0-s0-p0, at 1.3" in said["on"]
+    share = float(re.search(r"1\.(\d+) rollouts taken", said["on"])[1]) / 100
+    assert 0.3 < share < 0.7
+    assert "played from the start" in said["otherwise"]
+    assert f"{2 + share:.2f} rollouts taken" in said["otherwise"]
+    assert "no waypoint 9; the plan has 3" in said["none"]
+    assert "was not played in layout 0 in pybullet" in said["elsewhere"]
+    assert "goes with candidate and change" in said["nothing"]
+
+
 def test_progress_is_reported_and_grows(session):
     _, said = session
     seconds = [done for done, _ in said["progress"]]
