@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, fields, replace
+from functools import lru_cache
 from typing import Any, ClassVar, Self
 
 from core.errors import UsageError, choices
@@ -79,7 +80,7 @@ class Goal(ABC):
 
         missed = bool(self.share(evidence) < DONE)
         if missed and all(margin.is_kept for margin in margins):
-            margins.append(Margin.missed(self.describe()))
+            margins.append(Margin.missed(_describe(self)))
 
         return margins
 
@@ -224,6 +225,12 @@ class Goal(ABC):
     def find_warnings(self, where: str, scene: Scene) -> Iterator[str]:
         """Yield a line for what is possible, and seldom meant; ``where`` names the goal."""
         yield from ()
+
+
+@lru_cache(maxsize=64)
+def _describe(goal: Goal) -> str:
+    """Describe a goal; a process asks after each rollout that misses it."""
+    return goal.describe()
 
 
 def _listed(names: str | Names | None) -> Names:

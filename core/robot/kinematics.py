@@ -420,7 +420,7 @@ class Arm:
 
             below = q <= lower
             above = q >= upper
-            if below.any() or above.any():
+            if np.count_nonzero(below | above):
                 gradient = jacobian.T.dot(error)
                 held = (below & (gradient < 0)) | (above & (gradient > 0))
                 jacobian[:, held] = 0.0

@@ -75,8 +75,14 @@ def may_meet(
         In which of these intervals they may: (P, T - 1).
     """
     first, second = pairs.T
-    low = tracks.rows.low[:, :-1]
-    high = tracks.rows.high[:, :-1]
-    overlaps = np.minimum(high[first] - low[second], high[second] - low[first])
-    deep = overlaps.min(axis=2) >= least[:, None] - ROUNDING_M
-    return deep & within
+    wanted = least[:, None] - ROUNDING_M
+    deep: Flags | bool = within
+
+    # Axis by axis: in memory the axis comes first.
+    for axis in range(3):
+        low = tracks.rows.low[:, :-1, axis]
+        high = tracks.rows.high[:, :-1, axis]
+        deep = deep & (high[first] - low[second] >= wanted)
+        deep &= high[second] - low[first] >= wanted
+
+    return np.asarray(deep)

@@ -257,16 +257,25 @@ def find_rate(scene: Scene, states: State) -> float:
     None then goes farther than half its largest side in a step, at the fastest that it got in states (T,): a marble
     that a robot drops, too.
     """
+    speeds = np.linalg.norm(states.linear_velocities, axis=-1).max(axis=0)
+    fastest = dict(zip(states.names, speeds.tolist(), strict=True))
+    sides = _measure_sides(scene).items()
+    rates = [Flight(name, fastest[name], side).rate for name, side in sides]
+
+    return min(max(rates, default=0.0), MOST_HZ)
+
+
+@lru_cache(maxsize=8)
+def _measure_sides(scene: Scene) -> dict[str, float]:
+    """Measure the largest side, metres, of each free body that collides and that nothing holds."""
     hung = list_hung(scene)
-    rates = [0.0]
+    sides = {}
     for body in scene.free:
         if body.collisions and body.name not in hung:
             low, high = bound(body)
-            speeds = np.linalg.norm(states.linear_velocity(body.name), axis=-1)
-            flight = Flight(body.name, float(speeds.max()), float((high - low).max()))
-            rates.append(flight.rate)
+            sides[body.name] = float((high - low).max())
 
-    return min(max(rates), MOST_HZ)
+    return sides
 
 
 def list_hung(scene: Scene) -> set[str]:

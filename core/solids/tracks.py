@@ -91,11 +91,17 @@ class Track:
         """An upper bound (T,) of how far any point has moved since the first sample, metres."""
         return running_sums(self._ways[:-1])
 
+    @cached_property
+    def _rest(self) -> Any:
+        return coal.Transform3s(self.rotations[0], self.positions[0])
+
     def at(self, instant: float) -> Any:
         """Coal's transform at an instant, by the numbers of the samples and in between."""
-        k = 0 if self._rests else int(instant)
-        share = 0.0 if self._rests else instant - k
+        if self._rests:
+            return self._rest
 
+        k = int(instant)
+        share = instant - k
         if share > 0:
             begin = self.positions[k]
             turn = pin.log3(self.rotations[k].T.dot(self.rotations[k + 1]))

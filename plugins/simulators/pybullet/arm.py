@@ -73,6 +73,7 @@ class ArticulatedArm:
 
         self._gains = [gain] * len(driven)
         self._velocity_gains = [1.0] * len(driven)
+        self._order: Order | None = None  # the last one
         self._states: Sequence[tuple[Any, ...]] = ()  # of the last snapshot
 
         targets = [*start.arm[0], *([start.fingers[0]] * self._fingers)]
@@ -147,6 +148,10 @@ class ArticulatedArm:
 
     def drive(self, order: Order) -> None:
         """Set the motors for the next step."""
+        if order == self._order:  # they keep their targets
+            return
+
+        self._order = order
         p.setJointMotorControlArray(  # names would cost half a microsecond a step
             self.number,
             self._joints,

@@ -69,7 +69,6 @@ class ArticulatedArm:
         self, setup: Setup, robot: Robot, tool: Tool, start: JointTrajectory
     ) -> None:
         self._arm = len(robot.arm_joints)
-        self._fingers = len(robot.finger_joints)
         self._robot = robot
         self._tool = tool
         components = _Builder(setup, robot, tool).build()
@@ -90,7 +89,11 @@ class ArticulatedArm:
         self._inertia = np.array(robot.motor_inertia)
         # Of what a joint passes on, the force along its axis comes first, the torque about it fourth.
         self._along = np.where(robot.slides, 0, 3)
-        self._setters = [active[number].set_drive_target for number in self._numbers]
+        setters = [active[number].set_drive_target for number in self._numbers]
+        self._arm_setters = setters[: self._arm]
+        self._finger_setters = setters[self._arm :]
+        self._order: Order | None = None  # the last one
+        self._closed = math.nan  # the last target of the fingers' drives
 
         self._loose = [numbers[joint_name(bearer.name)] for bearer in tool.bearers]
         self._hung = [bearer.joint for bearer in tool.bearers]
@@ -134,13 +137,21 @@ class ArticulatedArm:
             self._pull()
 
         ahead = self._ahead
-        ways = zip(order.arm, order.speeds, strict=True)
-        orders = [at + ahead * speed for at, speed in ways]
-        if self._tool.gripper:
-            orders += [order.fingers + ahead * order.finger_speed] * self._fingers
+        if order == self._order:  # drives keep their targets
+            self._arm_setters[0](order.arm[0] + ahead * order.speeds[0])  # wakes the arm
+            return
 
-        for set_target, target in zip(self._setters, orders, strict=True):
-            set_target(target)
+        self._order = order
+        for set_target, target, speed in zip(
+            self._arm_setters, order.arm, order.speeds, strict=True
+        ):
+            set_target(target + ahead * speed)
+
+        closed = order.fingers + ahead * order.finger_speed
+        if closed != self._closed:
+            self._closed = closed
+            for set_target in self._finger_setters:
+                set_target(closed)
 
     def _pull(self) -> None:
         """Apply the springs and dampers of the tool's joints that have dry friction."""

@@ -108,7 +108,7 @@ def test_spring_stays_linear_at_large_angles(kind, stiffness):
     arm, _ = world.joints()
     for _ in range(800):
         block.add_force_torque(np.zeros(3), np.array([0.0, 0.0, 2.8 * stiffness]))
-        world.step(Order(arm, 0.04, np.zeros_like(arm), 0.0))
+        world.step(Order(arm.tolist(), 0.04, [0.0] * len(arm), 0.0))
     state = scenery.scene(0).complete(world.state())
     assert state.joint("h").position == pytest.approx(2.8, rel=0.015)
 
