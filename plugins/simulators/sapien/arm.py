@@ -137,8 +137,8 @@ class ArticulatedArm:
             self._pull()
 
         ahead = self._ahead
-        if order == self._order:  # drives keep their targets
-            self._arm_setters[0](order.arm[0] + ahead * order.speeds[0])  # wakes the arm
+        if order == self._order:  # drives keep their targets, and one wakes the arm
+            self._arm_setters[0](order.arm[0] + ahead * order.speeds[0])
             return
 
         self._order = order
