@@ -158,6 +158,10 @@ def resolve_seen(
     Raises:
         DesignError: the plan needs something that is not there, or its waypoints break a rule.
     """
+    sight = task.perceive(settings.perception)
+    seen = replace(
+        seen, noise=(sight.position, sight.yaw), most_s=settings.max_motion_s
+    )
     waypoints: Waypoints = call_part(plan, "resolve", Waypoints, seen)
     check_plan(waypoints.poses, gripper=waypoints.poses.shape[-1] == 7)
     check_tempo(waypoints, task.home, settings.max_motion_s)

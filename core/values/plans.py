@@ -5,6 +5,7 @@ Plugins import all of it from `core.interfaces`.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -29,12 +30,14 @@ class Sighted:
         at_s: when, seconds of the motion.
         known_s: when the plan can use it.
         taken_s: of bodies that were hidden, when they were seen last; for the others it is ``at_s``.
+        answers: what a plan worked out of it before: it is asked again each time that something new is known.
     """
 
     poses: Mapping[str, Pose]
     at_s: float = 0.0
     known_s: float = 0.0
     taken_s: Mapping[str, float] = field(default_factory=dict)
+    answers: dict[object, Any] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def hidden(self) -> tuple[str, ...]:
@@ -69,12 +72,16 @@ class Seen:
             mount is at the guard's waypoint.
         looks: what was seen by each look of the plan so far.
         judge: answers what plans ask of what is seen.
+        noise: of what is seen, standard deviations: of x and y, metres, and of the yaw, radians.
+        most_s: how long the whole motion may take, seconds.
     """
 
     poses: Mapping[str, Pose]
     felt: tuple[Pose | None, ...] = ()
     looks: tuple[Sighted, ...] = ()
     judge: Judge | None = field(default=None, compare=False, repr=False)
+    noise: tuple[float, float] = (0.0, 0.0)
+    most_s: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -83,13 +90,13 @@ class Anchor:
 
     Attributes:
         name: the body or mark in which its origin is, or ``world``.
-        axes: those of the world, or those of the anchor.
+        axes: those of the ``world``, those of the ``anchor``, or those of another body or mark, by its name.
         toward: the name of a second body or mark; the world's axes are then turned about z until x points there.
         share: how far the origin lies on the way to ``toward``, 0 to 1.
     """
 
     name: str = "world"
-    axes: Literal["world", "anchor"] = "world"
+    axes: str = "world"
     toward: str = ""
     share: float = 0.0
 

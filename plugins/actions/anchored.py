@@ -331,7 +331,7 @@ def _check_order(plan: AnchoredPlan) -> None:
             continue
 
         number += 1
-        if HERE in (item.anchor, item.toward) and not guarded:
+        if HERE in (item.anchor, item.axes, item.toward) and not guarded:
             raise DesignError(
                 f"waypoint {number}: 'here' is where a guard ended; none comes before"
             )

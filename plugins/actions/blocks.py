@@ -23,7 +23,7 @@ from core.geometry import Array
 from core.interfaces import JsonObject
 from core.support.inputs import FIELDS, check, meant
 from core.support.text import count_words, kind
-from plugins.actions.steps import HERE, IT, Name, Step, read_step
+from plugins.actions.steps import HERE, IT, Angle, Name, Step, read_step
 
 MAX_ROUNDS = 8
 """The most rounds of a loop, and the most bodies of a block for each of them."""
@@ -33,6 +33,9 @@ MAX_DEPTH = 2
 
 MAX_LOOKS = 40
 """The most looks that a plan may come to, with all rounds of its loops."""
+
+MAX_MEANT = 10
+"""The most looks of which a condition takes the mean."""
 
 MAX_GUARDS = 6
 """The most guards that a plan may have as it is written."""
@@ -51,16 +54,22 @@ Pattern = Annotated[str, Strict(), Field(min_length=1, max_length=200)]
 
 @dataclass(frozen=True, config=FIELDS)
 class Sighting:
-    """A condition that can be seen to hold: of a goal of the task, or of bodies.
+    """A condition that can be seen to hold: of a goal of the task, of bodies, or of the time.
 
     Attributes:
         goal: the number of a goal, from 0, or its name: its bodies are where it wants them.
+        left_s: at the last look so much time was left or less, of what the whole motion may take, seconds.
         body: the name of a body, of several as a pattern such as ``card*``, or ``it``.
         at: the body or mark that the origin of each is ``within`` some metres of.
         within: see ``at``.
         inside: the body in whose box the origin of each is; of a flat mark, up to 0.1 m above it.
         above: the height above which the origin of each is, metres.
+        slower: the speed below which each moved between the last two looks, m/s.
+        angle: which of each body's fixed-axis angles in the world is ``between`` two, radians.
+        between: see ``angle``; from the first on, up to the second.
         enough: how many of them are enough; 0: all are needed.
+        mean_of: so many of the last looks count, by the mean of what they saw.
+        sure: the least probability with which it must hold, by the noise of what is seen; 0: as it is seen.
 
     Raises:
         ValueError: it says nothing, or too much.
@@ -76,20 +85,39 @@ class Sighting:
     within: Reach | None = None
     inside: Name = ""
     above: Metres | None = None
+    slower: Reach | None = None
+    angle: Literal["", "roll", "pitch", "yaw"] = ""
+    between: tuple[Angle, Angle] | None = None
     enough: Number = 0
+    left_s: Annotated[float, Strict(), Field(gt=0, allow_inf_nan=False)] | None = None
+    mean_of: Annotated[int, Strict(), Field(ge=1, le=MAX_MEANT)] = 1
+    sure: Annotated[float, Strict(), Field(ge=0, lt=1, allow_inf_nan=False)] = 0.0
 
     def __post_init__(self) -> None:
-        relations = sum([bool(self.at), bool(self.inside), self.above is not None])
+        is_measured = [self.above is not None, self.slower is not None]
+        count = sum(map(bool, (self.at, self.inside, self.angle, *is_measured)))
         is_of_goal = self.goal is not None
+        is_of_time = self.left_s is not None
         is_near = self.within is not None
         rules = {
-            "give a goal, or a body and what is to be seen of it": (
-                is_of_goal == bool(self.body)
+            "give a goal, or a body and what is to be seen of it, or left_s": (
+                is_of_goal + is_of_time + bool(self.body) != 1
             ),
             "a goal says itself what is wanted; leave the rest out": (
-                is_of_goal and (relations or self.enough)
+                is_of_goal and (count or self.enough)
             ),
-            "say one of at, inside and above of the body": self.body and relations != 1,
+            "the time that is left is nothing that is seen; leave the rest out": (
+                is_of_time and (count or self.enough or self.mean_of > 1 or self.sure)
+            ),
+            "say one of at, inside, above, slower and angle of the body": (
+                self.body and count != 1
+            ),
+            "'slower' is about two looks, not about their mean; leave mean_of out": (
+                self.slower is not None and self.mean_of > 1
+            ),
+            "'angle' needs 'between', two angles, and nothing else has it": (
+                bool(self.angle) != (self.between is not None)
+            ),
             "'at' needs 'within', metres, and nothing else has it": (
                 bool(self.at) != is_near
             ),
@@ -379,7 +407,13 @@ def block_schemas(waypoint: JsonObject) -> list[JsonObject]:
             "within": {"type": "number"},
             "inside": {"type": "string"},
             "above": {"type": "number"},
+            "slower": {"type": "number"},
+            "angle": {"type": "string", "enum": ["roll", "pitch", "yaw"]},
+            "between": {"type": "array", "items": {"type": "number"}},
             "enough": {"type": "integer"},
+            "left_s": {"type": "number"},
+            "mean_of": {"type": "integer"},
+            "sure": {"type": "number"},
         },
         [],
     )

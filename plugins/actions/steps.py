@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, Strict, TypeAdapter
+from pydantic import AfterValidator, Field, Strict, TypeAdapter
 from pydantic.dataclasses import dataclass
 
 from core.design import DesignError
@@ -23,6 +23,9 @@ from core.support.text import kind, shorten
 
 WORLD = "world"
 """The anchor of what stands in the world's frame."""
+
+ANCHOR = "anchor"
+"""The axes of a waypoint's own anchor."""
 
 HERE = "here"
 """The anchor where the last guard ended."""
@@ -67,6 +70,12 @@ Newtons = Annotated[float, Strict(), Field(ge=0, le=MAX_NEWTONS, allow_inf_nan=F
 Name = Annotated[str, Strict(), Field(max_length=200)]
 
 
+def _read_axes(name: str) -> str:
+    """Read whose axes are meant; two words are no names, and may have capitals."""
+    plain = name.lower()
+    return plain if plain in (WORLD, ANCHOR) else name
+
+
 @dataclass(frozen=True, config=FIELDS)
 class Step:
     """One waypoint as written. An empty ``until`` is none, and beside another tempo a ``speed`` or ``seconds`` of 0.
@@ -75,7 +84,7 @@ class Step:
         offset: (3,) metres from the anchor to the mount, along the axes.
         rpy: (3,) the mount's orientation in the axes, radians.
         anchor: the name of a body or mark, ``world``, or ``here``: the mount when the last guard ended.
-        axes: those of the world, or those of the anchor.
+        axes: those of the ``world``, those of the ``anchor``, or those of another body or mark, by its name.
         toward: the name of a second anchor: the axes are the world's, turned about z until x points there.
         share: how far the origin lies on the way to ``toward``; then the axes may be the anchor's.
         speed: of the end-effector on the way there, m/s.
@@ -96,7 +105,7 @@ class Step:
     offset: tuple[Length, Length, Length]
     rpy: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
     anchor: Name = WORLD
-    axes: Literal["world", "anchor"] = "world"
+    axes: Annotated[Name, AfterValidator(_read_axes)] = WORLD
     toward: Name = ""
     share: Share = 0.0
     speed: Speed = 0.0
@@ -120,7 +129,7 @@ class Step:
         leave = "leave one of them out"
         unguarded = "is for a guard; give 'until', too"
         is_otherwise = self.otherwise != "go_on"
-        turns_axes = self.toward and self.axes == "anchor" and not self.share
+        turns_axes = self.toward and self.axes != WORLD and not self.share
         rules: dict[str, object] = {
             "give speed or seconds, not both": self.speed and self.seconds,
             f"what is passed through has no wait; {leave}": self.through and self.wait,
@@ -160,14 +169,18 @@ class Step:
             DesignError: an anchor is not there, or gives no direction.
         """
         anchor = place_anchor(self.anchor, seen, where)
+        axes = Pose()
+        if self.axes != WORLD:
+            name = self.anchor if self.axes == ANCHOR else self.axes
+            axes = place_anchor(name, seen, where)
         if not self.toward:
-            return anchor if self.axes == "anchor" else Pose(anchor.position)
+            return Pose(anchor.position, axes.quaternion)
 
         way = place_anchor(self.toward, seen, where).position - anchor.position
         origin = anchor.position + self.share * way
 
-        if self.axes == "anchor":
-            return Pose(origin, anchor.quaternion)
+        if self.axes != WORLD:
+            return Pose(origin, axes.quaternion)
         if math.hypot(way[0], way[1]) < _APART_M:
             raise DesignError(
                 f"{where}: {self.toward!r} is not beside {self.anchor!r}, so that there is no direction"
@@ -219,7 +232,8 @@ class Step:
     @property
     def names(self) -> tuple[str, ...]:
         """What it names."""
-        return tuple(filter(None, (self.anchor, self.toward, *self.corrects)))
+        axes = "" if self.axes in (WORLD, ANCHOR) else self.axes
+        return tuple(filter(None, (self.anchor, axes, self.toward, *self.corrects)))
 
     def bound(self, name: str) -> Step:
         """Return the waypoint for a body whose turn it is: `IT`."""
@@ -229,6 +243,7 @@ class Step:
         return replace(
             self,
             anchor=name if self.anchor == IT else self.anchor,
+            axes=name if self.axes == IT else self.axes,
             toward=name if self.toward == IT else self.toward,
             corrects=tuple(name if n == IT else n for n in self.corrects),
         )

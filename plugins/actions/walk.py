@@ -7,14 +7,25 @@ its begin each time that something new is known, and takes the same way up to th
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from core.design import DesignError
+from core.designs.planning import blur
 from core.geometry import Array, Pose
-from core.interfaces import Judge, Look, Seen, Sighted, Tempo, Waypoints
+from core.interfaces import (
+    Judge,
+    Look,
+    Perception,
+    Seen,
+    Sighted,
+    Tempo,
+    Waypoints,
+)
 from plugins.actions.blocks import (
     Choose,
     Each,
@@ -33,6 +44,8 @@ FLAT_M = 0.01
 
 OVER_M = 0.1
 
+_ANGLES = ("roll", "pitch", "yaw")
+_DRAWS = 40  # of what may be where, by the noise of what is seen
 _SAME_S = 1e-6  # two looks at the same instant say nothing of speed
 
 
@@ -54,6 +67,8 @@ class Walk:
         self._rows: list[list[float]] = []
         self._gripper = gripper
         self._judge = seen.judge
+        self._noise = seen.noise
+        self._most_s = seen.most_s
         self._felt = list(seen.felt)
         self._waiting = list(seen.looks)
         self._sightings = [Sighted(seen.poses)]
@@ -249,21 +264,59 @@ class Walk:
         return Pose(last.position + way, last.quaternion)
 
     def _holds(self, wanted: Sighting) -> bool:
-        """Report whether a condition holds, as the scene was seen last."""
-        poses = self._sightings[-1].poses
+        """Report whether a condition holds, as the scene was seen last, with the probability that it asks for."""
+        if wanted.left_s is not None:
+            return self._most_s - self._sightings[-1].known_s <= wanted.left_s
+
+        answers = self._sightings[-1].answers
+        asked = wanted, self._it
+        if asked not in answers:
+            seen = list(self._list_possible(wanted))
+            held = sum(self._holds_in(wanted, poses) for poses in seen)
+            answers[asked] = held >= _count_needed(wanted, seen)
+        return bool(answers[asked])
+
+    def _list_possible(self, wanted: Sighting) -> Iterator[Mapping[str, Pose]]:
+        """Yield what was seen; where a condition asks how sure it is, what else it may be by its noise."""
+        taken = self._sightings[-wanted.mean_of :]
+        mean = _average_poses([sighted.poses for sighted in taken])
+        if not wanted.sure or not any(self._noise):
+            yield mean
+            return
+
+        sight = Perception(*(np.array(self._noise) / math.sqrt(len(taken))).tolist())
+        for draw in range(1, _DRAWS + 1):
+            yield blur(mean, len(self._sightings), sight, draw)
+
+    def _holds_in(self, wanted: Sighting, poses: Mapping[str, Pose]) -> bool:
+        """Report whether a condition about what is seen holds where bodies are there."""
         if wanted.goal is not None:
             return not _ask(self._judge).left(wanted.goal, poses)
 
         body = self._it if wanted.body == IT else wanted.body
         names = match_names(body, list(poses))
-        good = [name for name in names if self._is_right(wanted, name, poses)]
+        good = self._list_right(wanted, names, poses)
         return len(good) >= (wanted.enough or len(names))
+
+    def _has_slowed(self, name: str, place: Array, most: float) -> bool:
+        """Report whether a body moved more slowly than ``most`` from the look before to this place."""
+        *_, before, last = [None, *self._sightings]
+        if before is None or last.at_s - before.at_s < _SAME_S:
+            return False
+        way = math.dist(place, before.poses[name].position)
+        return way < most * (last.at_s - before.at_s)
 
     def _is_right(self, wanted: Sighting, name: str, poses: Mapping[str, Pose]) -> bool:
         """Report whether a body is where a condition wants it."""
         place = poses[name].position
         if wanted.above is not None:
             return bool(place[2] > wanted.above)
+        if wanted.slower is not None:
+            return self._has_slowed(name, place, wanted.slower)
+        if wanted.between is not None:
+            least, most = wanted.between
+            turned = poses[name].rpy[_ANGLES.index(wanted.angle)]
+            return bool((turned - least) % math.tau <= most - least)
 
         to = wanted.at or wanted.inside
         anchor = place_anchor(self._it if to == IT else to, Seen(poses), "a condition")
@@ -279,14 +332,29 @@ class Walk:
 
     def _list_left(self, block: Each) -> Sequence[str]:
         """List the bodies of a pattern that are not yet where they should be."""
-        poses = self._sightings[-1].poses
-        names = match_names(block.each, list(poses))
         wanted = block.until_seen
+        answers = self._sightings[-1].answers
+        asked = block.each, wanted, self._it
+        if asked not in answers:
+            seen = list(self._list_possible(wanted))
+            names = match_names(block.each, list(seen[0]))
+            right: Counter[str] = Counter()
+            for poses in seen:
+                right.update(self._list_right(wanted, names, poses))
+            needed = _count_needed(wanted, seen)
+            answers[asked] = [name for name in names if right[name] < needed]
+        left: Sequence[str] = answers[asked]
+        return left
+
+    def _list_right(
+        self, wanted: Sighting, names: Sequence[str], poses: Mapping[str, Pose]
+    ) -> list[str]:
+        """List the bodies that are where a condition wants them."""
         if wanted.goal is not None:
             left = _ask(self._judge).left(wanted.goal, poses)
-            return [name for name in names if name in left]
+            return [name for name in names if name not in left]
 
-        return [name for name in names if not self._is_right(wanted, name, poses)]
+        return [name for name in names if self._is_right(wanted, name, poses)]
 
     def _measure_way(self, name: str) -> float:
         """Measure how far a body is from the last waypoint, seen from above, metres."""
@@ -295,6 +363,25 @@ class Walk:
             place = np.array(self._rows[-1][:2])
 
         return math.dist(self._sightings[-1].poses[name].position[:2], place)
+
+
+def _count_needed(wanted: Sighting, seen: Sequence[object]) -> float:
+    """Count in how many of the scenes that may be there a condition has to hold."""
+    return max(wanted.sure * len(seen), 1)
+
+
+def _average_poses(several: Sequence[Mapping[str, Pose]]) -> Mapping[str, Pose]:
+    """Compute the mean poses of bodies that were seen several times."""
+    if len(several) == 1:
+        return several[0]
+
+    means = {}
+    for name in several[-1]:
+        poses = [poses[name] for poses in several]
+        place = np.mean([pose.position for pose in poses], axis=0)
+        turn = Rotation.concatenate([pose.rotation for pose in poses]).mean()
+        means[name] = Pose.from_rotation(place, turn)
+    return means
 
 
 def _ask(judge: Judge | None) -> Judge:
@@ -356,6 +443,8 @@ def _check_pattern(pattern: str, seen: Seen) -> None:
 
 def _check_sighting(wanted: Sighting, seen: Seen) -> None:
     """Refuse a condition about what is not there."""
+    if wanted.left_s is not None:
+        return
     if wanted.goal is not None:
         _ask(seen.judge).names(wanted.goal)
         return

@@ -148,6 +148,18 @@ def test_the_gripper_is_the_seventh_number():
 GOOD = {"offset": [0.5, 0.0, 0.4]}
 
 
+def test_the_axes_may_be_those_of_a_third_body():
+    """The cube is turned by a quarter of a circle: x of the offset is along the world's y."""
+    turned = Pose.xyz_rpy((0.9, 0.9, 0.0), (0.0, 0.0, np.pi / 2))
+    known = Seen({**SEEN.poses, "cube": turned})
+    step = {"anchor": "goal", "axes": "cube", "offset": [0.1, 0.0, 0.3]}
+    (row,) = plan(step).resolve(known).poses
+    np.testing.assert_allclose(row[:3], [0.6, -0.2, 0.3], atol=1e-9)
+    np.testing.assert_allclose(row[3:], [0.0, 0.0, np.pi / 2], atol=1e-9)
+    with pytest.raises(DesignError, match="no anchor 'cub'"):
+        plan({**step, "axes": "cub"}).resolve(known)
+
+
 @pytest.mark.parametrize(
     ("written", "problem"),
     [
@@ -169,7 +181,7 @@ GOOD = {"offset": [0.5, 0.0, 0.4]}
             r"waypoint 1: ofset: no key 'ofset' \(did you mean 'offset'\?\)",
         ),
         ([GOOD | {"anchor": "__import__('os')", "speed": -1}], "waypoint 1: speed"),
-        ([GOOD | {"axes": "cube"}], "waypoint 1: axes"),
+        ([GOOD | {"axes": 3}], "waypoint 1: axes"),
         ([GOOD | {"speed": 1, "seconds": 1}], "speed or seconds, not both"),
         ([GOOD | {"through": True, "wait": 1}], "passed through has no wait"),
         ([GOOD | {"through": "yes"}], "waypoint 1: through"),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from core.design import Candidate, DesignError, Tool
+from core.designs.reading import load_designs, read_designs
 from core.designs.sighting import SceneJudge
 from core.geometry import Pose, Sphere
 from core.interfaces import Perception, RolloutSettings, Seen, Sighted
@@ -22,6 +23,7 @@ from tests.support.engines import every_simulator, simulator
 from tests.support.faults import Faulty
 from tests.support.playing import condition
 from tests.support.seen_cubes import CUBES, FLOOR, HIGH, LOOK, OVER, Cubes
+from tests.support.solutions import FILES, representation
 
 TOOL = stick(0.2)
 
@@ -97,6 +99,16 @@ def test_a_goal_is_judged_by_where_its_mark_is_seen_now():
     assert judge.left(0, {**reached, "mark": wrong["mark"]}) == ("cube_1", "cube_2")
 
 
+def test_plans_of_one_loop_each_are_read_as_such():
+    tool = representation(FILES["BringCube"])
+    (design,) = load_designs(FILES["BringCube"])["strategies"]
+    two = {**design, "action_sets": [[LOOP], [LOOP]]}
+    del two["action"]
+    found = read_designs({"strategies": [two]}, tool, Cubes())
+    assert [candidate.problem for candidate in found] == [None, None]
+    assert [candidate.plan for candidate in found] == [read(LOOP)] * 2
+
+
 def test_the_bodies_of_a_block_are_those_that_are_left_the_nearest_first():
     block = {
         "each": "cube*",
@@ -118,6 +130,104 @@ def test_one_of_two_blocks_is_chosen():
     assert places(read(choice).resolve(seen())) == [[0.45, 0]]
     lower = {**choice, "choose": {"body": "cube*", "above": 0.01}}
     assert places(read(lower).resolve(seen())) == [[0.5, 0.2]]
+
+
+NEAR = {"body": "cube_1", "at": "cube_2", "within": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("condition", "apart", "held"),
+    [
+        ({"body": "cube_1", "slower": 0.05}, (0.16, 0.111), True),
+        ({"body": "cube_1", "slower": 0.05}, (0.16, 0.109), False),
+        ({"left_s": 17.6}, (0.16, 0.16), True),  # known at 2.5 s, of 20 s
+        ({"left_s": 17.4}, (0.16, 0.16), False),
+        ({**NEAR, "mean_of": 2}, (0.14, 0.058), True),
+        ({**NEAR, "mean_of": 2}, (0.14, 0.062), False),
+        ({**NEAR, "sure": 0.6}, (0.2, 0.09), True),  # by 0.7 of 0.014 m: 76 %
+        ({**NEAR, "sure": 0.95}, (0.2, 0.09), False),
+        ({**NEAR, "sure": 0.95}, (0.2, 0.06), True),
+        ({**NEAR, "sure": 0.3}, (0.2, 0.103), True),  # it may well hold
+        (NEAR, (0.2, 0.103), False),
+    ],
+)
+def test_a_condition_holds_or_misses_by_a_little(condition, apart, held):
+    choice = {"choose": condition, "then": [OVER], "otherwise": [HIGH]}
+    looks = [{"cube_1": (0.5 + x, 0.0), "cube_2": (0.5, 0.0)} for x in apart]
+    known = replace(seen(*looks), noise=(0.01, 0.0), most_s=20.0)
+    last = places(read(HIGH, LOOK, HIGH, LOOK, choice).resolve(known))[-1]
+    over = [round(0.5 + apart[-1], 6), 0]
+    assert last == (over if held else [0.45, 0])
+
+
+@pytest.mark.parametrize(
+    ("angle", "between", "held"),
+    [
+        ("yaw", [2.99, 3.5], True),
+        ("yaw", [3.01, 3.5], False),
+        ("yaw", [-3.4, -3.28], True),  # the same angle, a turn behind
+        ("yaw", [-3.4, -3.29], False),
+        ("roll", [0.19, 0.21], True),
+        ("pitch", [0.01, 0.5], False),
+    ],
+)
+def test_a_branch_on_an_angle_holds_or_misses_by_a_little(angle, between, held):
+    condition = {"body": "cube_1", "angle": angle, "between": between}
+    choice = {"choose": condition, "then": [OVER], "otherwise": [HIGH]}
+    turned = Pose.xyz_rpy((0.6, 0.1, 0.02), (0.2, 0.0, 3.0))
+    (place,) = places(read(choice).resolve(Seen({"cube_1": turned})))
+    assert place == ([0.6, 0.1] if held else [0.45, 0])
+
+
+def test_the_bodies_of_a_block_are_left_until_it_is_sure():
+    block = {
+        "each": "cube*",
+        "do": [{"anchor": "it", "offset": [0, 0, 0.3]}],
+        "until_seen": {"body": "it", "at": "mark", "within": 0.1, "sure": 0.9},
+    }
+    known = {
+        "cube_1": Pose.xyz_rpy((0.55, 0.0, 0.0)),
+        "cube_2": Pose.xyz_rpy((0.59, 0.0, 0.0)),
+        "mark": Pose.xyz_rpy((0.5, 0.0, 0.0)),
+    }
+    exact = read(block, HIGH).resolve(Seen(known))
+    assert places(exact) == [[0.45, 0]]
+    noisy = read(block, HIGH).resolve(Seen(known, noise=(0.01, 0.0)))
+    assert places(noisy) == [[0.59, 0], [0.45, 0]]
+
+
+def rolls(most):
+    return {"body": "ball", "slower": most}
+
+
+@every_simulator
+def test_conditions_hold_or_miss_by_a_little_in_each_engine(engine):
+    """A ball rolls at 0.15 m/s; time is left; and a post is turned by 0.4."""
+    place = (0.7, 0.3, 0.02)
+    post = Body.of(
+        "post", Sphere(0.02), place, mass=0.0, color=GREY, rpy=(0.0, 0.0, 0.4)
+    )
+    ball, floor = rolling_ball().scene(0).bodies[:2]
+    task = Bodies(ball, floor, post)
+    task.home = HOME
+    still = {**HIGH, "offset": [0.45, 0.0, 0.49]}
+    end = {**HIGH, "offset": [0.45, 0.2, 0.5]}
+
+    def branches(condition):
+        choice = {"choose": condition, "then": [end], "otherwise": [still]}
+        played = play(HIGH, LOOK, still, LOOK, choice, engine=engine, task=task)
+        chosen = played.job.reactions.motion.plan[-1, 1]
+        return chosen == 0.2, played.outcome.looked[-1].at_s
+
+    held, at_s = branches(rolls(1.05 * ROLLS))
+    assert held
+    assert not branches(rolls(0.95 * ROLLS))[0]
+    left_s = RolloutSettings().max_motion_s - at_s - Perception().look_s
+    assert branches({"left_s": left_s + 0.01})[0]
+    assert not branches({"left_s": left_s - 0.01})[0]
+    yaw = {"body": "post", "angle": "yaw"}
+    assert branches({**yaw, "between": [0.39, 0.5]})[0]
+    assert not branches({**yaw, "between": [0.41, 0.5]})[0]
 
 
 def test_what_moves_is_met_where_it_will_be():
@@ -192,9 +302,21 @@ def test_a_ball_that_rolls_across_the_table_is_met_and_stopped(engine):
         ([{**LOOP, "until_seen": "goal"}], "must be an object"),
         ([{**LOOP, "until_seen": {}}], "give a goal, or a body"),
         ([{**LOOP, "until_seen": {"goal": 0, "above": 1.0}}], "leave the rest out"),
-        ([{**LOOP, "until_seen": {"body": "cube_1"}}], "say one of at, inside and"),
+        (
+            [{**LOOP, "until_seen": {"body": "cube_1"}}],
+            "say one of at, inside, above, slower and angle",
+        ),
         ([{**LOOP, "until_seen": {"body": "cube_1", "at": "mark"}}], "needs 'within'"),
         ([{**LOOP, "until_seen": {"boddy": "cube_1"}}], "did you mean 'body'"),
+        ([{**LOOP, "until_seen": {"left_s": 3.0, "sure": 0.5}}], "leave the rest out"),
+        (
+            [{**LOOP, "until_seen": {"body": "cube_1", "angle": "yaw"}}],
+            "'angle' needs 'between', two angles",
+        ),
+        (
+            [{**LOOP, "until_seen": {"body": "it", "slower": 0.1, "mean_of": 2}}],
+            "leave mean_of out",
+        ),
         (
             [{**LOOP, "until_seen": {"goal": True}}],
             "give its number, from 0, or its name",
