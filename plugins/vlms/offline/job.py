@@ -65,11 +65,17 @@ class Job:
 
     @cached_property
     def load(self) -> float:
-        """The force that a tool has to bear, newtons: the weight of what it lifts, or half of it for what slides."""
+        """The force that a tool has to bear, newtons: the weight of what it moves, or half of it for what slides.
+
+        What rolls is not slowed by the ground, and strikes the walls around it.
+        """
         if self.want.joint:  # that bears the weight
             return _LEAST_LOAD_N
-        weight = GRAVITY * sum(self.layout.scene[name].mass for name in self.moved)
-        share = _SLIDING if self.slides else 1.0
+
+        bodies = [self.layout.scene[name] for name in self.moved]
+        weight = GRAVITY * sum(body.mass for body in bodies)
+        rolls = any(body.rolling_friction > 0 for body in bodies)
+        share = _SLIDING if self.slides and not rolls else 1.0
         return max(_LEAST_LOAD_N, share * weight)
 
     def find_thickness(
