@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import coal
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 from core.design import DesignError, Tool
 from core.designs.rules import check_tool
@@ -206,17 +206,14 @@ def _overlap(geometry: Any, transform: Any, other: Solid) -> bool:
 
 def find_places(made: Made, layout: Layout) -> Places:
     """Find places of the tool mount on its way, at both ends of each straight piece and between them."""
-    home = np.concatenate([layout.home.position, layout.home.rpy])
-    way = np.vstack([home, made.rows[:, :6]])
-    steps = np.diff(way[:, :3], axis=0)
-    counts = np.ceil(step_lengths(way[:, :3]) / _LOOK_STEP_M).astype(int) + 1
+    home = layout.home
+    way = np.vstack([home.position, made.positions])
+    turns = Rotation.concatenate([home.rotation, made.rotations])
+    steps = np.diff(way, axis=0)
+    counts = np.ceil(step_lengths(way) / _LOOK_STEP_M).astype(int) + 1
     numbers = np.repeat(np.arange(len(steps)), counts)
     shares = np.concatenate([np.linspace(0.0, 1.0, count) for count in counts])
 
-    rotations = Rotation.from_euler("xyz", way[:, 3:])
-    between = (rotations[:-1].inv() * rotations[1:]).as_rotvec()
-    turned = rotations[numbers] * Rotation.from_rotvec(
-        between[numbers] * shares[:, None]
-    )
-    positions = way[numbers, :3] + shares[:, None] * steps[numbers]
+    positions = way[numbers] + shares[:, None] * steps[numbers]
+    turned = Slerp(np.arange(len(way)), turns)(numbers + shares)
     return Places(positions, turned.as_matrix(), numbers)

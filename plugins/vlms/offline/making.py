@@ -17,7 +17,7 @@ from plugins.vlms.offline.hand import build_fingers
 from plugins.vlms.offline.heads import Head, Step
 from plugins.vlms.offline.layout import Layout
 from plugins.vlms.offline.options import Option
-from plugins.vlms.offline.recipe import Recipe, Values
+from plugins.vlms.offline.recipe import Recipe, Shaft, Values
 from plugins.vlms.offline.shafts import build_tool
 from plugins.vlms.offline.ways.way import Ranges
 
@@ -28,17 +28,10 @@ _MOST_SEGMENTS = 10  # of a step
 
 
 class Waypoint(NamedTuple):
-    """A pose on the way of a plan.
+    """A step of the head to a waypoint of a plan, and the number of the job that it is for."""
 
-    Attributes:
-        pose: of the tool mount, in the world.
-        step: of the head, to there.
-        number: that of the job which the step is for.
-    """
-
-    pose: Pose
-    step: Step
     number: int
+    step: Step
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +45,8 @@ class Made:
         mount: its pose in the frame of the tool mount.
         tool: that has it.
         waypoints: N of them, after home.
+        positions: of the tool mount at these, in the world, (N, 3).
+        rotations: of the tool mount at these, N.
     """
 
     option: Option
@@ -60,24 +55,27 @@ class Made:
     mount: Pose
     tool: Tool
     waypoints: Sequence[Waypoint]
+    positions: Array
+    rotations: Rotation
 
     @cached_property
     def rows(self) -> Array:
         """The waypoints as plans have them: (N, 6), or (N, 7) with a gripper."""
-        rows = np.array([[*w.pose.position, *w.pose.rpy] for w in self.waypoints])
+        angles = self.rotations.as_euler("xyz", suppress_warnings=True)
+        rows = np.column_stack([self.positions, angles])
         if self.tool.gripper:
             grips = [waypoint.step.grip for waypoint in self.waypoints]
             rows = np.column_stack([rows, grips])
         return rows
 
 
-def list_steps(option: Option, values: Values) -> list[tuple[int, Step]]:
-    """List the steps for all jobs, each with the number of its job, cut so that speeds are kept."""
+def list_steps(option: Option, values: Values) -> list[Waypoint]:
+    """List the steps for all jobs, cut so that speeds are kept."""
     listed = []
     for number, job in enumerate(option.jobs):
         before: Step | None = None
         for step in option.way.motion(job, values):
-            listed += [(number, part) for part in _cut(before, step)]
+            listed += [Waypoint(number, part) for part in _cut(before, step)]
             before = step
 
     return listed
@@ -111,9 +109,7 @@ def _cut(before: Step | None, step: Step) -> list[Step]:
 
 def make(option: Option, recipe: Recipe) -> Made:
     """Make a tool and a plan; the head is made for the first job."""
-    way = option.way
-    layout = option.layout
-    head = way.head(option.jobs[0], recipe.values)
+    head = option.way.head(option.jobs[0], recipe.values)
     mount = head.mount
     shaft = None
     if recipe.mount is not None:
@@ -121,12 +117,26 @@ def make(option: Option, recipe: Recipe) -> Made:
         shaft = recipe.mount.shaft
 
     assert mount is not None  # a head without one is not bolted
-    if way.fingers:
-        tool = build_fingers(head, mount, option.load, layout, way.name)
-    else:
-        material = layout.material
-        tool = build_tool(head, mount, shaft, option.load, material, way.name)
+    tool = _build(option, head, mount, shaft)
     return _plan(option, recipe, head, mount, tool)
+
+
+def _build(option: Option, head: Head, mount: Pose, shaft: Shaft | None) -> Tool:
+    """Build a tool whose head is at ``mount`` in the frame of the tool mount; None: it needs no shaft there."""
+    way = option.way
+    layout = option.layout
+    if way.fingers:
+        return build_fingers(head, mount, option.load, layout, way.name)
+
+    return build_tool(head, mount, shaft, option.load, layout.material, way.name)
+
+
+def change_shaft(made: Made, shaft: Shaft) -> Made:
+    """Give a tool another kind of shaft; its plan stays."""
+    assert made.recipe.mount is not None  # it has one
+    tool = _build(made.option, made.head, made.mount, shaft)
+    mount = replace(made.recipe.mount, shaft=shaft)
+    return replace(made, recipe=replace(made.recipe, mount=mount), tool=tool)
 
 
 def plan_given(option: Option, recipe: Recipe, tool: Tool, mount: Pose | None) -> Made:
@@ -152,16 +162,28 @@ def plan(made: Made, values: Values) -> Made:
 
 def _plan(option: Option, recipe: Recipe, head: Head, mount: Pose, tool: Tool) -> Made:
     """Plan the motion of a tool whose head is at ``mount`` in the frame of the tool mount."""
-    back = mount.inverse()
-    waypoints = []
-    for number, step in list_steps(option, recipe.values):
-        pose = option.jobs[number].frame @ step.pose @ back
-        waypoints.append(Waypoint(pose, step, number))
+    waypoints = list_steps(option, recipe.values)
+    frames = [option.jobs[waypoint.number].frame for waypoint in waypoints]
+    steps = [waypoint.step.pose for waypoint in waypoints]
 
-    first = waypoints[0].pose
+    # All at once, as poses one by one take most of the time: frame @ step @ mount.inverse().
+    back = mount.inverse()
+    turns = Rotation.concatenate([frame.rotation for frame in frames])
+    heads = turns * Rotation.concatenate([step.rotation for step in steps])
+    starts = np.array([frame.position for frame in frames])
+    positions = starts + turns.apply([step.position for step in steps])
+    positions += heads.as_matrix() @ back.position
+    rotations = heads * back.rotation
+
+    first = Pose.from_rotation(positions[0], rotations[0])
     rise = _rise(option.layout, first, recipe.values["rise"])
-    risen = [Waypoint(pose, Step(pose @ mount), 0) for pose in rise]
-    return Made(option, recipe, head, mount, tool, [*risen, *waypoints])
+    if rise:
+        waypoints = [*(Waypoint(0, Step(pose @ mount)) for pose in rise), *waypoints]
+        positions = np.vstack([*(pose.position for pose in rise), positions])
+        risen = [pose.rotation for pose in rise]
+        rotations = Rotation.concatenate([*risen, rotations])
+
+    return Made(option, recipe, head, mount, tool, waypoints, positions, rotations)
 
 
 def _rise(layout: Layout, first: Pose, share: float) -> list[Pose]:

@@ -46,7 +46,7 @@ def draw_mount(option: Option, values: Values, rng: Generator) -> Mount:
     layout = option.layout
     head = option.way.head(jobs[0], values)
     listed = list_steps(option, values)
-    poses = [jobs[owner].frame @ step.pose for owner, step in listed]
+    poses = [jobs[number].frame @ step.pose for number, step in listed]
     start = poses[_find_start([step for _, step in listed])]
     attach = start.apply(head.attach)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from plugins.vlms.offline.given import draw_head
 from plugins.vlms.offline.layout import Layout
 from plugins.vlms.offline.making import (
     Made,
+    change_shaft,
     draw_values,
     make,
     plan,
@@ -134,7 +134,7 @@ class Search:
         for shaft in SHAFTS:
             if least == 0:
                 break
-            other = make(option, Recipe(values, replace(mount, shaft=shaft)))
+            other = change_shaft(best, shaft)
             hits = count_hits(other, self.layout, places, least)
             if hits < least:
                 best = other

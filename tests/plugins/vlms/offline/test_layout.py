@@ -8,8 +8,9 @@ import pytest
 
 from core.geometry import Pose
 from core.interfaces import PAPER
-from plugins.vlms.offline.faults import Faults
+from plugins.vlms.offline.faults import Faults, find_places
 from plugins.vlms.offline.layout import Layout
+from plugins.vlms.offline.making import change_shaft, make
 from plugins.vlms.offline.reach import measure_reach
 from plugins.vlms.offline.search import Search
 from tests.plugins.vlms.offline.trying import make_brief, read_task
@@ -55,6 +56,47 @@ def test_tops_above_a_height_do_not_count(tmp_path):
     everywhere = (np.full(2, -1.0), np.full(2, 1.0))
     assert layout.top_at(*everywhere) == pytest.approx(0.4)
     assert layout.top_at(*everywhere, below=0.39) == pytest.approx(0.06)
+
+
+def test_what_rolls_loads_a_tool_by_its_whole_weight(tmp_path):
+    loads = []
+    for more in ("", "rolling_friction: 0.001, "):
+        bodies = CUBE.replace("mass: 0.2", f"{more}mass: 2.0")
+        brief = make_brief(read_task(tmp_path, bodies, NEARER))
+        loads.append(Search(brief).options[0].load)
+    assert loads == pytest.approx([9.81, 19.62], rel=1e-3)
+
+
+def test_a_plan_leads_the_head_through_the_steps_of_its_way(tmp_path):
+    made = Search(make_brief(read_task(tmp_path, CUBE, NEARER))).invent()
+    frame = made.option.jobs[0].frame
+    for row, waypoint in list(zip(made.rows, made.waypoints, strict=True))[-3:]:
+        head = Pose.xyz_rpy(row[:3], row[3:6]) @ made.mount
+        there = frame @ waypoint.step.pose
+        assert head.position == pytest.approx(there.position, abs=1e-9)
+        assert head.rotation_matrix == pytest.approx(there.rotation_matrix, abs=1e-9)
+
+
+def test_places_begin_at_home_and_end_at_the_last_waypoint(tmp_path):
+    search = Search(make_brief(read_task(tmp_path, CUBE, NEARER)))
+    made = search.invent()
+    places = find_places(made, search.layout)
+    home = search.layout.home
+    assert places.positions[0] == pytest.approx(home.position)
+    assert places.turns[0] == pytest.approx(home.rotation_matrix, abs=1e-9)
+    last = Pose.xyz_rpy(made.rows[-1, :3], made.rows[-1, 3:6])
+    assert places.positions[-1] == pytest.approx(last.position)
+    assert places.turns[-1] == pytest.approx(last.rotation_matrix, abs=1e-9)
+    assert np.linalg.norm(np.diff(places.positions, axis=0), axis=1).max() <= 0.04
+
+
+def test_another_shaft_is_as_if_it_had_been_made_with_it(tmp_path):
+    made = Search(make_brief(read_task(tmp_path, CUBE, NEARER))).invent()
+    other = change_shaft(made, "bridge")
+    again = make(made.option, other.recipe)
+    assert other.tool == again.tool
+    assert "bridge" in other.tool.name
+    assert other.rows == pytest.approx(again.rows)
 
 
 def test_faults_are_ordered_by_the_worst():
