@@ -6,6 +6,7 @@ import contextlib
 import math
 import os
 import threading
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import product
@@ -26,6 +27,8 @@ Make = Callable[[], Executor]
 
 MANY = 10_000  # chunks, which many workers would not end in `LONGEST_S`
 CHUNK_S = 1.0  # an executor without workers ends after the chunk that it is at
+AFTER = 8  # chunks after one whose worker dies
+NOTICE_S = 0.1  # a chunk's work: in so much the death of a worker is noticed
 LONGEST_S = 60.0  # for `map` to end once the executor is closed
 LONGEST_START_S = 600.0  # for the first worker to give a result
 # Of each process: what waits in this one is let go at the end.
@@ -81,22 +84,25 @@ def check_an_exception_of_the_source_is_raised(make: Make) -> None:
 
 
 def die(chunk: list[int]) -> list[int]:
-    """End the process at once if the chunk says so, unless it is the one that is named first."""
+    """End the process at once if the chunk says so, unless it is the one that is named first; else take a moment."""
     home, ends = chunk
     if ends and os.getpid() != home:
         os._exit(3)
+
+    time.sleep(NOTICE_S)
     return [os.getpid()]
 
 
 def check_a_dead_worker_costs_its_chunk_alone(make: Make) -> str | None:
+    """Nor does it cost those that come after it is noticed, as with a pool that is broken then."""
     home = os.getpid()
     with make() as executor:
-        results = [*executor.map(die, [[home, 0], [home, 1], [home, 0], [home, 0]])]
+        results = [*executor.map(die, [[home, 0], [home, 1], *[[home, 0]] * AFTER])]
 
     died = [result for (_, ends), result in results if ends]
     others = [result for (_, ends), result in results if not ends]
     what = f"a worker that died took other chunks with it: {others}"
-    assert [type(result) for result in others] == [list] * 3, what
+    assert [type(result) for result in others] == [list] * (1 + AFTER), what
     if died == [[home]]:
         return "it calls the function in this process, where no worker can die"
 
