@@ -58,6 +58,7 @@ class Task(ABC):
         tool_kinds: that a tool for it may have, where its configuration names none.
         fixture: where a designed fixture may stand (`core.design.Fixture`); None: there can be none.
         tool_in_place: whether the tool waits on site, so that it may start where nothing could have brought it.
+        payload_kg: the most that a tool may weigh, if that is less than the arm carries.
         sources: what makes its `parts`, where there are several.
         builder: of its searches; None: `core.search.builder.SearchBuilder`.
         language: of the source that a model is shown.
@@ -84,6 +85,7 @@ class Task(ABC):
     tool_kinds: Sequence[str] = ()
     fixture: Region | None = None
     tool_in_place: bool = False
+    payload_kg: float | None = None
     sources: Sequence[Any] = ()
     builder: ClassVar[type | None] = None
     language: ClassVar[str] = "python"

@@ -1,11 +1,11 @@
 """Make the contents of the pages: ``python docs/build.py pictures``, ``scene``, ``diagrams``, ``notebook``, ``strips``,
-``tempo``, ``gallery``.
+``tempo``, ``ladder``, ``gallery``.
 
 Pictures: a still and a film of the reference solution for each task, and a sheet of all stills. Scene: the pictures of
 ``docs/writing_a_scene.md``, from the task in its code. Diagrams: those of ``docs/diagrams.py``. Notebook: runs
 ``docs/example.ipynb`` and keeps the outputs of its cells. Strips: a picture for each task of HardToolBench and
 SoftToolBench, six instants of the reference solution. Tempo: peak speeds in a strike and a throw, for
-``docs/plans.md``. Gallery: figures and pictures of ``docs/gallery.md``.
+``docs/plans.md``. Ladder: a scene of each family. Gallery: figures and pictures of ``docs/gallery.md``.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ from docs import gallery
 from docs.diagrams import DRAWINGS
 from plugins.fitness.layouts import UNSEEN
 from plugins.vlms.context.strip import SIZE, draw_strip
+from tasks.ladder.task import FAMILIES
 from tests.plugins.actions.test_strike import Strike, swing
 from tests.plugins.actions.test_throw import Throw, throw
 from tests.support import solutions
@@ -86,6 +87,18 @@ def sheet(names: list[str], stills: list[Any], columns: int = SHEET_COLUMNS) -> 
         np.hstack(labelled[i : i + columns]) for i in range(0, len(labelled), columns)
     ]
     return np.vstack(rows)
+
+
+def ladder(file: Path) -> None:
+    """Draw level 5 of each family of the ladder."""
+    simulator = installed().create("sim", "pybullet")
+    stills = []
+    for family in FAMILIES:
+        settings = {"family": family, "level": 5, "seed": 3}
+        task = installed().create("task", "ladder", settings)
+        stills.append(simulator.render(task, tool=Tool()))
+    drawn = Image.fromarray(sheet([*FAMILIES], stills, columns=4))
+    drawn.quantize(256).save(file, optimize=True)
 
 
 def page_module(folder: Path) -> Any:
@@ -275,6 +288,7 @@ def main() -> None:
             "notebook",
             "strips",
             "tempo",
+            "ladder",
             "gallery",
         ],
     )
@@ -293,6 +307,8 @@ def main() -> None:
     elif given.what == "gallery":
         tasks = given.tasks or tasks_of("robotoolbench")
         gallery.build(tasks, given.designers or [*gallery.DESIGNERS])
+    elif given.what == "ladder":
+        ladder(DOCS / "images" / "ladder.png")
     elif given.what == "tempo":
         tempo(DOCS / "images" / "tempo.png")
     else:

@@ -9,7 +9,7 @@ import re
 import typing
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, ClassVar, TypeVar
 from weakref import WeakKeyDictionary
@@ -225,6 +225,9 @@ class Plugins:
             self._origins[part] = offer
         if isinstance(part, Task | ToolRepresentation):
             part.robot = robot or self.default_robot
+        if isinstance(part, Task) and part.payload_kg is not None:
+            payload_kg = min(part.payload_kg, part.robot.payload_kg)
+            part.robot = replace(part.robot, payload_kg=payload_kg)
         if isinstance(part, ToolRepresentation):
             part.material = material
             part.printer = printer

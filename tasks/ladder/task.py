@@ -10,22 +10,27 @@ from core.interfaces import Task
 from core.plugins import installed
 from core.task import Proof
 from core.values.harmless import Harmless
-from tasks.ladder import chain, jobs, places, sort, swing, tunnel
+from tasks.ladder import chain, gentle, jobs, places, slender, sort, swing, tunnel
 from tasks.ladder.rung import Family, Rung, noise_at
 
 FAMILIES: dict[str, Family] = {
     "chain": chain.draw,
+    "gentle": gentle.draw,
     "jobs": jobs.draw,
     "places": places.draw,
+    "slender": slender.draw,
     "sort": sort.draw,
     "swing": swing.draw,
     "tunnel": tunnel.draw,
 }
 CAMERA = {"position": [1.05, -0.7, 0.75], "target": [0.5, 0.0, 0.05]}
-Name = Literal["chain", "jobs", "places", "sort", "swing", "tunnel"]
+Name = Literal[
+    "chain", "gentle", "jobs", "places", "slender", "sort", "swing", "tunnel"
+]
 MOST_NOISE_M = {
     "chain": chain.MOST_NOISE_M,
     "jobs": jobs.MOST_NOISE_M,
+    "slender": slender.MOST_NOISE_M,
     "tunnel": tunnel.MOST_NOISE_M,
 }
 

@@ -506,6 +506,8 @@ class SceneSpec(_Spec):
     """Where a design may add a fixture, which no plan moves; if left out it can't."""
     tool_in_place: bool = False
     """Whether the tool waits on site, so that it may start where nothing could have brought it."""
+    payload_kg: Annotated[float, Field(gt=0, le=100)] | None = None
+    """The most that a tool may weigh, if that is less than what the arm carries."""
     colors: dict[str, ColorName] = {}
     """Colours of bodies by name or pattern, such as ``"grain*"``."""
     bodies: Annotated[tuple[BodySpec, ...], Field(max_length=MAX_COPIES)] = ()

@@ -103,6 +103,7 @@ class FileTask(Task):
             tool_kinds=spec.tool_kinds,
             fixture=building.build_region(spec),
             tool_in_place=spec.tool_in_place,
+            payload_kg=spec.payload_kg,
             variations={name: _bound_sets(given) for name, given in varied.items()},
             home=Pose.xyz_rpy(home.position, np.radians(home.rpy_deg)),
         )

@@ -166,7 +166,7 @@ ELSEWHERE = {
     "also",  # test_goals: joined keys are the same
     "variations", "noise_m",  # test_words, test_task
     "imports", "prefix", "without", "file", "scale",  # test_task, test_mjcf
-    "tool_kinds", "tool_in_place",  # what designs may be: test_words, test_attacks
+    "tool_kinds", "tool_in_place", "payload_kg",  # what designs may be: test_words, test_attacks
     "poisson",  # passed on to the engine: it has no figure that a scene would show
 }  # fmt: skip
 

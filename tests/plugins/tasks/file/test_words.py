@@ -214,6 +214,7 @@ MISTAKES = [
         ("hold_s: 2.5", "hold_s", 2.5, 0.0),
         ("noise_m: 0.01", "noise_m", 0.01, 0.0),
         ("every: true", "every", True, False),
+        ("payload_kg: 0.12", "payload_kg", 0.12, None),
     ],
 )
 def test_what_a_file_says_of_the_whole_task_is_the_tasks(
