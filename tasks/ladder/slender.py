@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 from tasks.ladder.bodies import write_scene
 from tasks.ladder.designs import SLOW_M_S, box, design, waypoint
-from tasks.ladder.rung import Entry, Rung, spread
+from tasks.ladder.rung import SURE, Entry, Rung, spread
 
 TILT_RAD = math.radians(60)  # of the shaft, outward from straight down
 HOME_DEG = -60  # of the arm at home
@@ -27,7 +27,7 @@ NEAR_M = 0.8  # where it must end, at most
 REFERENCE_KG = 0.0168  # with the default material
 MOST_TIMES = 1.5  # what may be weighed over that, at level 1
 SHRINKS = 0.955
-MOST_NOISE_M = 0.005
+MOST_NOISE_M = 0.002
 
 
 def payload_at(level: int) -> float:
@@ -83,8 +83,8 @@ def _plan(noise_m: float) -> list[Entry]:
     out = SHAFT_M * math.sin(TILT_RAD)
     down = SHAFT_M * math.cos(TILT_RAD)
     height = down + HOOK_M * math.sin(TILT_RAD) + 0.01
-    behind = BLOCK_M[0] / 2 + 0.06 + 3 * noise_m - out
-    pulled = NEAR_M - BLOCK_X_M - 0.04 + behind
+    behind = BLOCK_M[0] / 2 + 0.05 + SURE * noise_m - out
+    pulled = NEAR_M - BLOCK_X_M - 0.07 + behind
     turned = [0.0, -TILT_RAD, 0.0]
 
     def go(x: float, z: float, **pace: float) -> Entry:
