@@ -65,11 +65,13 @@ def check_plans_that_fit_the_schema_are_read(
             dumped = plan.dump()
             as_json(dumped, "what dump returned")
             again = representation.parse(dumped, gripper=gripper)
-            what = "a plan that is written and read again is another plan"
-            assert again.content == plan.content, what
+            assert again.content == plan.content, (
+                "a plan that is written and read again is another plan"
+            )
             same = pickle.loads(pickle.dumps(played)).resolve(seen)  # noqa: S301  # our own
-            what = "a plan that was pickled means other waypoints"
-            assert np.array_equal(same.poses, waypoints.poses), what
+            assert np.array_equal(same.poses, waypoints.poses), (
+                "a plan that was pickled means other waypoints"
+            )
 
     assert sound, f"of {2 * _DRAWS} plans of the schema's form none was read"
 

@@ -30,8 +30,7 @@ def check_bonds_bear_what_they_are_said_to(simulator: Simulator) -> None:
 
     held = played.path("held")[:, 2]
     near("the height of a block that a bond holds, m", held, held[0], 1e-3)
-    what = "the force on a bond that holds a block, N"
-    near(what, bears[-1], _WEIGHT_N, 0.02)
+    near("the force on a bond that holds a block, N", bears[-1], _WEIGHT_N, 0.02)
 
     most = breaks.max()
     between("the force that breaks a bond, N", most, 0.97 * _WEIGHT_N, _WEIGHT_N + 0.1)
@@ -58,11 +57,19 @@ def check_bonds_hold_bodies_to_each_other(simulator: Simulator) -> None:
     closed = tuple(bonds)
     played = watch(simulator, *bodies, bonds=closed, settle_s=0.1, hold_s=0.5)
 
-    what = "the height of a lid that bonds hold, m"
-    near(what, played.path("held")[-1, 2], 0.071, 3e-4)
+    near(
+        "the height of a lid that bonds hold, m",
+        played.path("held")[-1, 2],
+        0.071,
+        3e-4,
+    )
     borne = 0.0
     for bond in bonds[:4]:
         borne += played.recording.loads[bond.name][-1]
     near("the sum of the forces on a lid's bonds, N", borne, _LID_N, 0.05 * _LID_N)
-    what = "the height of a lid whose bonds broke, m"
-    near(what, played.path("falls")[-1, 2], 0.07, 3e-4)
+    near(
+        "the height of a lid whose bonds broke, m",
+        played.path("falls")[-1, 2],
+        0.07,
+        3e-4,
+    )

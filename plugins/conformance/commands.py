@@ -40,8 +40,9 @@ def check_its_help_is_one_line(part: PluginPart[Command]) -> None:
 def check_help_prints_its_usage(part: PluginPart[Command]) -> None:
     status, printed = _call(part, "--help")
     assert status == 0, f"with --help its exit status is {status} instead of 0"
-    what = f"with --help it prints {printed[:60]!r} instead of a line 'usage: ...'"
-    assert printed.startswith("usage: "), what
+    assert printed.startswith("usage: "), (
+        f"with --help it prints {printed[:60]!r} instead of a line 'usage: ...'"
+    )
 
 
 def check_an_unknown_word_is_one_line(part: PluginPart[Command]) -> None:
@@ -52,7 +53,9 @@ def check_an_unknown_word_is_one_line(part: PluginPart[Command]) -> None:
     except UserError as error:
         found = error
 
-    what = f"an unknown word raises no UsageError: {found}"
-    assert isinstance(found, UsageError), what
-    what = f"an unknown word is more than one line: {found}"
-    assert len(str(found).splitlines()) == 1, what
+    assert isinstance(found, UsageError), (
+        f"an unknown word raises no UsageError: {found}"
+    )
+    assert len(str(found).splitlines()) == 1, (
+        f"an unknown word is more than one line: {found}"
+    )

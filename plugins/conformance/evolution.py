@@ -81,13 +81,15 @@ def check_each_generation_has_candidates(make: Make) -> None:
 
     counts = Counter(candidate.id for candidate in chain(*generations))
     shared = ", ".join(sorted(name for name, count in counts.items() if count > 1))
-    what = f"candidates of one run share the ids {shared}; number generations"
-    assert not shared, what
+    assert not shared, (
+        f"candidates of one run share the ids {shared}; number generations"
+    )
 
 
 def check_a_search_goes_on_when_nothing_is_earned(make: Make) -> None:
-    what = "after generations that earned nothing there are no candidates"
-    assert all(_search(make, lambda _: 0.0)), what
+    assert all(_search(make, lambda _: 0.0)), (
+        "after generations that earned nothing there are no candidates"
+    )
 
 
 def check_generations_may_be_empty_or_broken(make: Make) -> None:
@@ -104,8 +106,9 @@ def check_generations_may_be_empty_or_broken(make: Make) -> None:
 def check_the_same_again(make: Make) -> None:
     """The same evaluations give the same candidates, so that a run can be repeated and resumed."""
     first, again = (chain(*_search(make)) for _ in range(2))
-    what = "the same evaluations gave different candidates; draw from a seed that is a setting"
-    assert [c.content for c in first] == [c.content for c in again], what
+    assert [c.content for c in first] == [c.content for c in again], (
+        "the same evaluations gave different candidates; draw from a seed that is a setting"
+    )
 
 
 def check_a_limit_is_passed_on(make: Make) -> None:
@@ -119,5 +122,6 @@ def check_a_limit_is_passed_on(make: Make) -> None:
         assert candidates, "candidates before the limit are lost"
         return
 
-    what = "the designer's LimitReached is swallowed; pass it on"
-    assert not designer.limit_reached, what
+    assert not designer.limit_reached, (
+        "the designer's LimitReached is swallowed; pass it on"
+    )

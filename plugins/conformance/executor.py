@@ -55,10 +55,12 @@ def check_an_exception_belongs_to_its_chunk(make: Make) -> None:
         pairs = sorted(executor.map(roots, [[1.0], [-1.0], [4.0]]))
 
     (_, failed), *others = pairs
-    what = "a chunk that raised affects other chunks"
-    assert others == [([1.0], [1.0]), ([4.0], [2.0])], what
-    what = f"a chunk that raised ValueError has the result {failed!r}"
-    assert isinstance(failed, ValueError), what
+    assert others == [([1.0], [1.0]), ([4.0], [2.0])], (
+        "a chunk that raised affects other chunks"
+    )
+    assert isinstance(failed, ValueError), (
+        f"a chunk that raised ValueError has the result {failed!r}"
+    )
 
 
 def check_chunks_are_not_read_all_at_once(make: Make) -> None:
@@ -69,8 +71,9 @@ def check_chunks_are_not_read_all_at_once(make: Make) -> None:
         next(results)
         read = 1000 - length_hint(numbers)
 
-    what = f"before the first result was taken, {read} of 1000 chunks were read"
-    assert read < 500, what
+    assert read < 500, (
+        f"before the first result was taken, {read} of 1000 chunks were read"
+    )
 
 
 def check_an_exception_of_the_source_is_raised(make: Make) -> None:
@@ -101,8 +104,9 @@ def check_a_dead_worker_costs_its_chunk_alone(make: Make) -> str | None:
 
     died = [result for (_, ends), result in results if ends]
     others = [result for (_, ends), result in results if not ends]
-    what = f"a worker that died took other chunks with it: {others}"
-    assert [type(result) for result in others] == [list] * (1 + AFTER), what
+    assert [type(result) for result in others] == [list] * (1 + AFTER), (
+        f"a worker that died took other chunks with it: {others}"
+    )
     if died == [[home]]:
         return "it calls the function in this process, where no worker can die"
 

@@ -134,8 +134,9 @@ def check_a_race_may_leave_trials_out(make: Make) -> None:
     fitness = make(condition())
     if fitness.races:
         score = fitness.score(_candidate(), _trials(fitness, (0.5,))[:1])
-        what = "the score of a candidate with one trial of its layouts"
-        between(what, score.reward, 0, 1)
+        between(
+            "the score of a candidate with one trial of its layouts", score.reward, 0, 1
+        )
 
 
 def check_scores_are_rewards(make: Make) -> None:
@@ -149,8 +150,9 @@ def check_scores_are_rewards(make: Make) -> None:
 def check_the_same_trials_score_the_same(make: Make) -> None:
     """A score depends on nothing but the trials: not on chance, and not on what was scored before."""
     first, again = ([score.reward for score in _scores(make)] for _ in range(2))
-    what = f"the same trials scored {first}, then {again}; a score follows from the trials alone"
-    assert first == again, what
+    assert first == again, (
+        f"the same trials scored {first}, then {again}; a score follows from the trials alone"
+    )
 
 
 def check_what_fails_earns_nothing(make: Make) -> None:
@@ -158,8 +160,9 @@ def check_what_fails_earns_nothing(make: Make) -> None:
     fitness = make(condition())
     for status in ("rejected", "failed"):
         found = fitness.score(_candidate(), _trials(fitness, (0.0,), status)).reward
-        what = f"a candidate whose trials were all {status} scores {found}, not 0"
-        assert found == 0, what
+        assert found == 0, (
+            f"a candidate whose trials were all {status} scores {found}, not 0"
+        )
 
 
 def check_a_rejection_counts_where_it_is(make: Make) -> None:

@@ -88,8 +88,12 @@ def check_friction_is_the_geometric_mean(simulator: Simulator) -> None:
             found = _slide(simulator, block, 0.02, tilt, (0.0, tilt, 0.0), frictions)
             pull = GRAVITY * (math.sin(tilt) - mean * math.cos(tilt))
             due = max(0.0, pull) / 2
-            what = f"the way of a block in 1 s, frictions {frictions}, on a slope of {tilt:.3f} rad, m"
-            near(what, found, due, 5e-3 + 0.15 * due)
+            near(
+                f"the way of a block in 1 s, frictions {frictions}, on a slope of {tilt:.3f} rad, m",
+                found,
+                due,
+                5e-3 + 0.15 * due,
+            )
 
 
 def check_round_bodies_roll(simulator: Simulator) -> None:
@@ -107,8 +111,12 @@ def check_round_bodies_roll(simulator: Simulator) -> None:
         found = _slide(simulator, shape, radius, tilt, _LYING, (0.5, 0.5), arm)
         pull = GRAVITY * (math.sin(tilt) - arm / radius * math.cos(tilt))
         due = max(0.0, share * pull) / 2
-        what = f"the way of {shape} in 1 s, rolling friction {arm} m, on a slope of {tilt} rad, m"
-        near(what, found, due, 0.01 + 0.05 * due)
+        near(
+            f"the way of {shape} in 1 s, rolling friction {arm} m, on a slope of {tilt} rad, m",
+            found,
+            due,
+            0.01 + 0.05 * due,
+        )
 
 
 def check_shapes_rest_where_they_are_put(simulator: Simulator) -> None:
@@ -250,8 +258,12 @@ def check_tools_of_every_shape_push_where_they_are(simulator: Simulator) -> None
         place = (0.45 + front + 0.05, 0.0, 0.03)
         puck = make_body("puck", Cylinder(0.03, 0.06), place, 0.2, friction=1)
         end = _move_head(simulator, tool, puck, 0.4, 0.035, 0.65)
-        what = f"how far a head of the shape {type(shape).__name__} pushes a puck, m"
-        near(what, end[0] - place[0], 0.18, 0.005)
+        near(
+            f"how far a head of the shape {type(shape).__name__} pushes a puck, m",
+            end[0] - place[0],
+            0.18,
+            0.005,
+        )
 
 
 def check_hollow_tool_is_hollow(simulator: Simulator) -> None:
@@ -272,5 +284,9 @@ def check_hollow_body_is_hollow(simulator: Simulator) -> None:
     small = cube(at=(0.5, 0, 0.02), side=0.04)
     played = watch(simulator, table(), hollow, small)
     for name in ("arch", "cube"):
-        what = f"how far the {name} moves of an arch over a cube, m"
-        near(what, played.moved(name), 0.0, 1e-3)
+        near(
+            f"how far the {name} moves of an arch over a cube, m",
+            played.moved(name),
+            0.0,
+            1e-3,
+        )

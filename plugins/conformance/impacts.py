@@ -75,8 +75,12 @@ def check_oblique_impact_on_a_slope(simulator: Simulator) -> None:
 
         played = watch(simulator, hill, bouncy, hold_s=fall + after)
         found = played.states.linear_velocity("ball")[-1]
-        what = f"the velocity of a ball after its fall on a slope of {degrees} degrees, friction {friction}, m/s"
-        near(what, found, due, _OFF * speed)
+        near(
+            f"the velocity of a ball after its fall on a slope of {degrees} degrees, friction {friction}, m/s",
+            found,
+            due,
+            _OFF * speed,
+        )
 
 
 def _strike(simulator: Simulator, body: Body, **job: Any) -> Film:
@@ -112,8 +116,12 @@ def check_blow_of_the_wrist_has_its_motor_behind_it(simulator: Simulator) -> Non
     momentum = inertia * _RATE + _TORQUE * since
     due = _REACH * momentum / (inertia + mass * _REACH**2)
     speed = np.linalg.norm(struck.states.linear_velocity("puck")[-1])
-    what = "the speed of a puck of 0.5 kg after a blow of the wrist at 1.6 m/s, m/s"
-    near(what, speed, due, _LIGHTER * due)
+    near(
+        "the speed of a puck of 0.5 kg after a blow of the wrist at 1.6 m/s, m/s",
+        speed,
+        due,
+        _LIGHTER * due,
+    )
 
 
 def check_a_blow_gives_its_impulse_and_its_peak(simulator: Simulator) -> None:
@@ -134,8 +142,12 @@ def check_a_blow_gives_its_impulse_and_its_peak(simulator: Simulator) -> None:
     impulse = float(force[1:] @ np.diff(struck.times))
     speed = np.linalg.norm(struck.states.linear_velocity("egg")[-1])
     momentum = mass * float(speed)
-    what = "the impulse of a blow on an egg of 50 g, N s"
-    near(what, impulse, momentum, _IMPULSE * momentum)
+    near(
+        "the impulse of a blow on an egg of 50 g, N s",
+        impulse,
+        momentum,
+        _IMPULSE * momentum,
+    )
     least = momentum / _BLOW_S
     between("the peak of the force of this blow, N", force.max(), least, 1000)
 
@@ -148,8 +160,12 @@ def check_a_net_holds_what_does_not_fit_through(simulator: Simulator) -> None:
         ball = make_body("ball", Sphere(size / 2), place, 0.001)
         heights = watch(simulator, table(), net, ball, hold_s=0.6).path("ball")[:, 2]
         low, high = (0.0, 0.05) if share < 1 else (-1.0, -0.1)
-        what = f"where a ball of {1000 * size:g} mm gets to on holes {share} times as wide, m above the net"
-        between(what, heights.min() - net.pose.position[2], low, high)
+        between(
+            f"where a ball of {1000 * size:g} mm gets to on holes {share} times as wide, m above the net",
+            heights.min() - net.pose.position[2],
+            low,
+            high,
+        )
 
 
 def check_a_thin_wall_stops_what_is_thrown(simulator: Simulator) -> None:
@@ -160,8 +176,12 @@ def check_a_thin_wall_stops_what_is_thrown(simulator: Simulator) -> None:
         ball = replace(still, velocity=(0.0, 5.0, 0.0))
         way = watch(simulator, wall, ball, hold_s=0.08).path("ball")[:, 1]
         low, high = (0.25, 0.3) if x < 1 else (0.4, math.inf)
-        what = f"how far a ball of {1000 * size:g} mm gets that is thrown at a wall, m"
-        between(what, way.max(), low, high)
+        between(
+            f"how far a ball of {1000 * size:g} mm gets that is thrown at a wall, m",
+            way.max(),
+            low,
+            high,
+        )
 
 
 def _make_net(hole: float) -> Body:
@@ -189,5 +209,9 @@ def check_forces_are_those_that_press(simulator: Simulator) -> None:
     below = forces["table", "cube"][late].mean()
 
     between("the force of a tool that is driven 5 mm into a cube, N", above, 1, 1000)
-    what = "the force of a cube on the table that a tool presses, N"
-    near(what, below, above + GRAVITY, 0.1 * below)
+    near(
+        "the force of a cube on the table that a tool presses, N",
+        below,
+        above + GRAVITY,
+        0.1 * below,
+    )

@@ -53,8 +53,12 @@ class Release:
 
     def check(self, film: Film, found: Array, whose: str) -> None:
         """Compare how far the joint got from its start at each time with its equation of motion."""
-        what = f"a {self.joint.kind} of a {whose} that {self.what}, rad or m"
-        near(what, found, self._follow(film.times), self.within)
+        near(
+            f"a {self.joint.kind} of a {whose} that {self.what}, rad or m",
+            found,
+            self._follow(film.times),
+            self.within,
+        )
 
     def _follow(self, times: Array) -> Array:
         """Integrate the equation of motion from rest; how far the joint is from its start at times (T,)."""
@@ -169,8 +173,12 @@ def check_joints_of_scenes_move_as_formulas_say(simulator: Simulator) -> None:
         placed = states.joints[case.joint.name]
         parent = states.placement(case.joint.parent)
         due = placed.carry(value, np.zeros_like(value), parent).position
-        what = f"where the body of joint {case.joint.name!r} is, m"
-        near(what, states.position(case.joint.body), due, 0.001)
+        near(
+            f"where the body of joint {case.joint.name!r} is, m",
+            states.position(case.joint.body),
+            due,
+            0.001,
+        )
 
 
 def check_chain_stays_together(simulator: Simulator) -> None:
@@ -213,8 +221,12 @@ def check_latch_opens_at_its_force(simulator: Simulator) -> None:
         latch = Latch(0.0, share * _BLOCK_KG * GRAVITY, width)
         joint = replace(free, latches=(latch,))
         _, found = _follow(simulator, joint, _BLOCK, seconds=3.0, settle_s=0.0)
-        what = f"where a block hangs from a latch of {share} times its weight, m"
-        near(what, found[-1], due, within)
+        near(
+            f"where a block hangs from a latch of {share} times its weight, m",
+            found[-1],
+            due,
+            within,
+        )
 
 
 def check_drive_keeps_its_schedule(simulator: Simulator) -> None:
@@ -234,18 +246,30 @@ def check_drive_bears_its_load(simulator: Simulator) -> None:
     edge = Joint("j", "hinge", "plate", None, _ACROSS, (0.025, 0.0, 0.0))
     level = replace(edge, drive=Drive((0.0,), (0.0,), 20.0))
     for load_kg in (0.0, 0.014, 0.2, 1.0):
-        what = f"how a driven plate with {load_kg} kg on it turns, rad"
-        near(what, _bear(simulator, load_kg, level), 0.0, 0.004)
-        what = f"how far a lift with {load_kg} kg on it rises, m"
-        near(what, _bear(simulator, load_kg, rising), 0.1, 0.001)
+        near(
+            f"how a driven plate with {load_kg} kg on it turns, rad",
+            _bear(simulator, load_kg, level),
+            0.0,
+            0.004,
+        )
+        near(
+            f"how far a lift with {load_kg} kg on it rises, m",
+            _bear(simulator, load_kg, rising),
+            0.1,
+            0.001,
+        )
 
     for share, due, within in ((1.2, 0.0, 0.002), (0.8, -3.0, 1.0)):
         weight = (1.0 + _PLATE_KG) * GRAVITY
         found = _bear(
             simulator, 1.0, replace(lift, drive=Drive((0.0,), (0.0,), share * weight))
         )
-        what = f"how far a lift sinks that can do {share} times the weight on it, m"
-        near(what, found, due, within)
+        near(
+            f"how far a lift sinks that can do {share} times the weight on it, m",
+            found,
+            due,
+            within,
+        )
 
 
 def _bear(simulator: Simulator, load_kg: float, joint: Joint) -> float:

@@ -77,8 +77,9 @@ def check_same_job_gives_same_bits(simulator: Simulator) -> None:
     simulator.rollout(_row(), [Rollout(stick(0.2), _push().trajectory)])
     watch(simulator, make_body("box", Box((0.1, 0.2, 0.3)), (0.6, 0, 1.0), 2.0))
     later = digest(simulator)
-    what = "the same job gave different numbers after jobs with other tools and worlds"
-    assert later == first, what
+    assert later == first, (
+        "the same job gave different numbers after jobs with other tools and worlds"
+    )
 
 
 def check_batch_gives_what_each_job_alone_gives(simulator: Simulator) -> None:
@@ -90,14 +91,16 @@ def check_batch_gives_what_each_job_alone_gives(simulator: Simulator) -> None:
     jobs = [_push(), waiting, Rollout(stick(0.25), lost), _push()]
     outcomes = simulator.rollout(task, jobs)
     broken = outcomes[2]
-    what = "a job whose targets are not numbers must give an outcome with an error"
-    assert broken.error, what
+    assert broken.error, (
+        "a job whose targets are not numbers must give an outcome with an error"
+    )
     assert broken.end is None, "an outcome with an error must have no states"
 
     for number in (0, 1, 3):
         (alone,) = simulator.rollout(task, [jobs[number]])
-        what = "a job in a batch gave other numbers than it gives alone"
-        assert bits(alone) == bits(outcomes[number]), what
+        assert bits(alone) == bits(outcomes[number]), (
+            "a job in a batch gave other numbers than it gives alone"
+        )
 
 
 def check_start_is_after_settling(simulator: Simulator) -> None:
@@ -106,8 +109,12 @@ def check_start_is_after_settling(simulator: Simulator) -> None:
         job = Rollout(BARE, still(), settle_s=settle_s, hold_s=0.1)
         start = play(simulator, task, job).start
         assert start is not None, "an outcome without an error has no start state"
-        what = f"the height at which a cube starts, put at 0.2 m, after {settle_s} s of settling, m"
-        near(what, start.position("cube")[2], due, 1e-3)
+        near(
+            f"the height at which a cube starts, put at 0.2 m, after {settle_s} s of settling, m",
+            start.position("cube")[2],
+            due,
+            1e-3,
+        )
 
 
 def check_states_name_the_free_bodies_in_order(simulator: Simulator) -> None:
@@ -115,8 +122,9 @@ def check_states_name_the_free_bodies_in_order(simulator: Simulator) -> None:
     cubes = [cube("b", (0.6, 0, 0.05)), post, cube("a", (0.8, 0, 0.05))]
     state = watch(simulator, table(), *cubes, hold_s=0.1).outcome.end
     assert state is not None, "an outcome without an error has no end state"
-    what = f"the scene's free bodies are b and a, the state's are {state.names}"
-    assert state.names == ("b", "a"), what
+    assert state.names == ("b", "a"), (
+        f"the scene's free bodies are b and a, the state's are {state.names}"
+    )
     assert state.positions.shape == (2, 3), f"positions are {state.positions.shape}"
     lengths = np.linalg.norm(state.quaternions, axis=-1)
     near("the lengths of quaternions", lengths, 1.0, 1e-5)
@@ -128,8 +136,12 @@ def check_recordings(simulator: Simulator) -> None:
     played = watch(simulator, *bodies, settle_s=0.5, record_hz=50)
     times = played.times
     near("the times between samples at 50 Hz, s", np.diff(times), 0.02, 0.005)
-    what = "when a recording of 0.5 s of settling begins, and of 1 s ends"
-    near(what, times[[0, -1]], (-0.5, 1), 0.01)
+    near(
+        "when a recording of 0.5 s of settling begins, and of 1 s ends",
+        times[[0, -1]],
+        (-0.5, 1),
+        0.01,
+    )
     path = played.path("cube")
     near("where a recording begins, m", path[0], (0.6, 0.0, 0.3), 1e-6)
     end = played.outcome.end
@@ -145,8 +157,9 @@ def check_pictures(simulator: Simulator) -> None:
     draw = partial(simulator.render, task, width=160, height=120)
     plain = draw()
     form = (*plain.shape, str(plain.dtype))
-    what = f"a picture of 160 by 120 is {form}, not (120, 160, 3) of uint8"
-    assert form == (120, 160, 3, "uint8"), what
+    assert form == (120, 160, 3, "uint8"), (
+        f"a picture of 160 by 120 is {form}, not (120, 160, 3) of uint8"
+    )
 
     moved = task.scene(0).state()
     moved.positions[0] = 0.8, 0.2, 0.05
@@ -157,7 +170,10 @@ def check_pictures(simulator: Simulator) -> None:
     }
     for change, settings in changes.items():
         off = np.abs(draw(**settings).astype(int) - plain).max(axis=-1)
-        what = f"how many pixels of a picture change with {change}"
-        between(what, np.count_nonzero(off > 30), 20)
+        between(
+            f"how many pixels of a picture change with {change}",
+            np.count_nonzero(off > 30),
+            20,
+        )
 
     near("a picture that is drawn again", draw(), plain.astype(int), 30)

@@ -90,8 +90,12 @@ def check_fast_ways_are_what_steps_give(simulator: Simulator) -> None:
     joints = stepped.recording.arm
     near("joints, played and stepped, rad", played.recording.arm, joints, 1e-6)
     lag = stepped.outcome.tracking_error_rad
-    what = "the arm's lag, played and stepped, rad"
-    near(what, played.outcome.tracking_error_rad, lag, 1e-6)
+    near(
+        "the arm's lag, played and stepped, rad",
+        played.outcome.tracking_error_rad,
+        lag,
+        1e-6,
+    )
 
 
 def check_going_on_is_playing_whole(simulator: Simulator) -> None:
@@ -123,8 +127,7 @@ def check_motors_bear_what_statics_says(simulator: Simulator) -> None:
         assert not is_listed, "it is said to tell the motors' torques, and gave none"
         raise LeftOut("it does not say what motors apply")
 
-    what = "it tells the motors' torques, which its class does not list"
-    assert is_listed, what
+    assert is_listed, "it tells the motors' torques, which its class does not list"
     due = _bear(tool)
     within = np.maximum(_WITHIN * due, _STEADY * arm().effort_limits)
     near("torques of the arm's motors, N m", found, due, within)
@@ -194,8 +197,12 @@ def check_that_touch_ends_at_a_wall(simulator: Simulator) -> None:
     low = {"offset": [0.55, 0.0, _STICK + _TOP / 2], "speed": _SPEED, "until": "touch"}
     steps = [high, low, high, low]
     ends = _mounts(simulator, steps, block, fired=("touch", "touch"))
-    what = "where two touches of a block end, and the arm rests, m"
-    near(what, ends[:, 2], _STICK + _TOP, _STOP_M)
+    near(
+        "where two touches of a block end, and the arm rests, m",
+        ends[:, 2],
+        _STICK + _TOP,
+        _STOP_M,
+    )
 
 
 def check_that_force_ends_a_push(simulator: Simulator) -> None:
@@ -216,5 +223,6 @@ def check_that_force_ends_a_push(simulator: Simulator) -> None:
     }
     bodies = (pushed, wall, floor)
     ended, _ = _mounts(simulator, [before, push], *bodies, fired=("force",))
-    what = f"where a push of a cube to {_STRONG_N} N ends, x in m"
-    near(what, ended[0], 0.615, 0.005)
+    near(
+        f"where a push of a cube to {_STRONG_N} N ends, x in m", ended[0], 0.615, 0.005
+    )

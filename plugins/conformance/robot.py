@@ -75,8 +75,12 @@ def check_joint_torques_are_limited(simulator: Simulator) -> None:
     way = motion([[0.5, 0, 0.2, 0, 0, yaw] for yaw in (0.6, 0.0, -0.6)])
     block = make_body("block", Box((0.08, 0.08, 0.1)), (0.76, -0.06, 0.05), 20.0)
     pushed = watch(simulator, table(), block, tool=tool, way=way, **_BRIEF)
-    what = "how far the last joint pushes a block of 20 kg, m"
-    near(what, pushed.moved("block"), 0.0, 0.01)
+    near(
+        "how far the last joint pushes a block of 20 kg, m",
+        pushed.moved("block"),
+        0.0,
+        0.01,
+    )
     lag = pushed.outcome.tracking_error_rad
     between("the tracking error of an arm that a block stops, rad", lag, 0.1)
 
@@ -116,5 +120,9 @@ def check_gripper_lifts_what_it_can(simulator: Simulator) -> None:
             simulator, table(), body, tool=tool, way=way, settle_s=0.1, hold_s=2.0
         )
         heights = lifted.path("cube")[lifted.times > lifted.times[-1] - 2.0, 2]
-        what = f"the heights of a cube of {mass} kg that the gripper lifts, m"
-        near(what, heights, (low + high) / 2, (high - low) / 2)
+        near(
+            f"the heights of a cube of {mass} kg that the gripper lifts, m",
+            heights,
+            (low + high) / 2,
+            (high - low) / 2,
+        )

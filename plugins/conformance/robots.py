@@ -50,8 +50,9 @@ def check_limits_are_there(robot: Robot) -> None:
     for name in robot.joints(robot.gripper is not None):
         joint = robot.description.named[name]
         kinds = ("prismatic",) if name in robot.finger_joints else _ARM_KINDS
-        what = f"joint {name!r} is {joint.kind}; it must be {' or '.join(kinds)}, with limits"
-        assert joint.kind in kinds, what
+        assert joint.kind in kinds, (
+            f"joint {name!r} is {joint.kind}; it must be {' or '.join(kinds)}, with limits"
+        )
         low, high, effort, speed = np.array(joint.limits, dtype=np.float64)
         what = f"joint {name!r} can't move: {joint.limits}"
         assert low < high, what
@@ -64,12 +65,16 @@ def check_home_points_the_mount_down(robot: Robot) -> None:
     for name, low, here, high in zip(
         robot.arm_joints, arm.lower, arm.home, arm.upper, strict=True
     ):
-        what = f"home of {name!r} within its limits, rad"
-        between(what, here, low + _ROOM, high - _ROOM)
+        between(
+            f"home of {name!r} within its limits, rad", here, low + _ROOM, high - _ROOM
+        )
 
     turn = robot.base.rotation.inv() * arm.forward(arm.home).rotation
-    what = "the turn of the mount at home from the base's axes, rad"
-    between(what, turn.magnitude(), high=_WHOLE)
+    between(
+        "the turn of the mount at home from the base's axes, rad",
+        turn.magnitude(),
+        high=_WHOLE,
+    )
 
 
 def check_inertias_are_physical(robot: Robot) -> None:
@@ -77,8 +82,9 @@ def check_inertias_are_physical(robot: Robot) -> None:
     for name, link in assembled(robot).links.items():
         mass, center, tensor = link.inertial.placed()
         bounds = [solid.bounds() for solid in solids if solid.name == name]
-        what = f"link {name!r} has {mass:g} kg and {len(bounds)} shapes; give it both"
-        assert bool(mass) == bool(bounds), what
+        assert bool(mass) == bool(bounds), (
+            f"link {name!r} has {mass:g} kg and {len(bounds)} shapes; give it both"
+        )
         if not mass:
             continue
 
@@ -94,8 +100,11 @@ def check_inertias_are_physical(robot: Robot) -> None:
         away = np.linalg.norm(center - (low + high) / 2)
         spread = np.sqrt(moments[2] / mass + away**2)
         most = _SPREAD * float(np.linalg.norm(high - low))
-        what = f"how far the mass of {name!r} lies from the middle of its shapes on average, m"
-        between(what, spread, high=most)
+        between(
+            f"how far the mass of {name!r} lies from the middle of its shapes on average, m",
+            spread,
+            high=most,
+        )
 
 
 def check_straight_lines_are_reached(robot: Robot) -> str:
@@ -117,8 +126,9 @@ def check_straight_lines_are_reached(robot: Robot) -> str:
 
     mean = float(np.mean(shares))
     mend = "choose a home away from limits and from an outstretched arm"
-    what = f"the share of lines around home that is reached ({mend})"
-    between(what, mean, _LEAST_REACHED)
+    between(
+        f"the share of lines around home that is reached ({mend})", mean, _LEAST_REACHED
+    )
 
     return f"{mean:.0%} of lines reached"
 

@@ -116,8 +116,7 @@ def expect_reason(refusal: DesignError, data: object) -> None:
     Raises:
         AssertionError: there is none.
     """
-    what = f"{shorten(repr(data))} was refused without a reason"
-    assert str(refusal).strip(), what
+    assert str(refusal).strip(), f"{shorten(repr(data))} was refused without a reason"
 
 
 def read_or_refused(

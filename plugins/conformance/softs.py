@@ -34,5 +34,9 @@ def check_soft_rod_bends(simulator: Simulator) -> None:
     load = elastic.density * GRAVITY * math.pi * wide**2 / 4
     stiffness = elastic.young * math.pi * wide**4 / 64
     sag = load * free**4 / (8 * stiffness)
-    what = "how high the end of a soft rod comes to rest that is clamped at 1 m, m"
-    near(what, end, 1.0 - sag, 0.1 * sag)
+    near(
+        "how high the end of a soft rod comes to rest that is clamped at 1 m, m",
+        end,
+        1.0 - sag,
+        0.1 * sag,
+    )

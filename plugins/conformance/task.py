@@ -39,14 +39,18 @@ def check_it_is_described(task: Task) -> None:
 
     Its source, which a model may be shown, holds the name.
     """
-    what = f"the name {task.name!r} must be one word, for configs and folders"
-    assert task.name.isidentifier(), what
-    what = f"the description for the model is {task.description!r}"
-    assert len(task.description.split()) >= 5, what
-    what = "the description is one paragraph, without line breaks"
-    assert "\n" not in task.description, what
-    what = "the source that a model is shown does not hold the task's name"
-    assert task.name in task.source(), what
+    assert task.name.isidentifier(), (
+        f"the name {task.name!r} must be one word, for configs and folders"
+    )
+    assert len(task.description.split()) >= 5, (
+        f"the description for the model is {task.description!r}"
+    )
+    assert "\n" not in task.description, (
+        "the description is one paragraph, without line breaks"
+    )
+    assert task.name in task.source(), (
+        "the source that a model is shown does not hold the task's name"
+    )
     between("success_reward", task.success_reward, 1e-9, 1.0)
 
 
@@ -62,10 +66,12 @@ def check_one_seed_gives_one_layout(task: Task) -> None:
     """The same seed gives the same scene, and something in it can move."""
     scene = task.scene(3)
     expect_a(Scene, scene, "scene returned")
-    what = "one seed gives different layouts; draw from np.random.default_rng(seed)"
-    assert layout_of(scene) == layout_of(task.scene(3)), what
-    what = "nothing in the scene can move, so nothing can be earned; give a body a mass"
-    assert scene.free, what
+    assert layout_of(scene) == layout_of(task.scene(3)), (
+        "one seed gives different layouts; draw from np.random.default_rng(seed)"
+    )
+    assert scene.free, (
+        "nothing in the scene can move, so nothing can be earned; give a body a mass"
+    )
 
 
 def check_goals_name_bodies_of_the_scene(task: Task) -> None:
@@ -95,8 +101,9 @@ def check_rewards_work_for_one_world_or_many(task: Task) -> None:
         ends.append(replace(begin, positions=begin.positions + shift))
 
     many = reward_for(task, State.stack([begin] * len(ends)), State.stack(ends))
-    what = f"the reward of 5 worlds has the shape {many.shape}, not (5,)"
-    assert many.shape == (5,), what
+    assert many.shape == (5,), (
+        f"the reward of 5 worlds has the shape {many.shape}, not (5,)"
+    )
     near("rewards", many, 0.5, 0.5)
     alone = [float(reward_for(task, begin, last)) for last in ends]
     near("what worlds earn together, and one by one", many, alone, 1e-9)
@@ -144,10 +151,9 @@ def check_variations_draw_layouts(task: Task) -> str:
     for name in task.variations:
         varied = copy(task)
         varied.variation = name
-        what = (
+        assert layout_of(varied.scene(0)) != layout_of(varied.scene(1)), (
             f"variation {name!r}: two seeds give the same layout; use self.draw(seed)"
         )
-        assert layout_of(varied.scene(0)) != layout_of(varied.scene(1)), what
         for warning in find_layout_warnings(varied):
             raise AssertionError(warning)
 
@@ -192,7 +198,11 @@ def check_nothing_happens_while_the_arm_waits(task: Task) -> str:
     recording = Film(scene, outcome).recording
     contacts = find_contacts(scene, task.robot, Tool(), recording)
     earned = reward_for(task, begin, last, make_trace(scene, contacts))
-    what = f"what doing nothing earns after {REST_S:g} s in {name}"
-    between(what, earned, 0.0, MAX_IDLE_REWARD)
+    between(
+        f"what doing nothing earns after {REST_S:g} s in {name}",
+        earned,
+        0.0,
+        MAX_IDLE_REWARD,
+    )
 
     return f"in {name}"

@@ -50,16 +50,18 @@ def check_given_tools_keep_the_rules(representation: ToolRepresentation) -> None
         except UserError as error:
             raise AssertionError(str(error)) from error
 
-    what = "it gives no tool for any task, and writes none"
-    assert count or designs(representation), what
+    assert count or designs(representation), (
+        "it gives no tool for any task, and writes none"
+    )
 
 
 def check_the_schema_is_of_json(representation: ToolRepresentation) -> None:
     fields = representation.schema()
     expect_a(dict, fields, "schema returned")
     as_json(fields, "the schema")
-    what = "the schema has no fields, so a model can't describe a tool"
-    assert fields or not designs(representation), what
+    assert fields or not designs(representation), (
+        "the schema has no fields, so a model can't describe a tool"
+    )
 
 
 def check_the_instructions_name_every_field(representation: ToolRepresentation) -> None:
@@ -69,8 +71,9 @@ def check_the_instructions_name_every_field(representation: ToolRepresentation) 
         asked = brief(some_task(), representation, gripper=gripper)
         text = representation.instructions(asked)
         for name in representation.schema():
-            what = f"the instructions don't name {name!r}, which the schema asks for"
-            assert name in text, what
+            assert name in text, (
+                f"the instructions don't name {name!r}, which the schema asks for"
+            )
 
 
 def check_tools_survive_dump_and_parse(representation: ToolRepresentation) -> None:
@@ -80,8 +83,9 @@ def check_tools_survive_dump_and_parse(representation: ToolRepresentation) -> No
     for tool in (rigid(), fingers()):
         data = representation.dump(tool)
         as_json(data, "what dump returned")
-        what = f"dump returned {sorted(data)}; the schema has other fields"
-        assert set(data) == set(representation.schema()), what
+        assert set(data) == set(representation.schema()), (
+            f"dump returned {sorted(data)}; the schema has other fields"
+        )
         as_json(representation.abridge(tool), "what abridge returned")
 
         back = representation.parse(data, gripper=tool.gripper)
@@ -89,10 +93,15 @@ def check_tools_survive_dump_and_parse(representation: ToolRepresentation) -> No
         for part, again in zip(tool.components, back.components, strict=True):
             mount, pose = tool.placed()[part.name]
             mount_again, pose_again = back.placed()[again.name]
-            what = f"a component on {mount} came back on {mount_again}"
-            assert mount_again == mount, what
-            what = "where a component is, m, and its axes"
-            near(what, pose_again.matrix, pose.matrix, 1e-4)
+            assert mount_again == mount, (
+                f"a component on {mount} came back on {mount_again}"
+            )
+            near(
+                "where a component is, m, and its axes",
+                pose_again.matrix,
+                pose.matrix,
+                1e-4,
+            )
             size = part.shape.bounds[1]
             near("the size of a component, m", again.shape.bounds[1], size, 1e-4)
             near("the mass of a component, kg", again.mass, part.mass, 1e-6)

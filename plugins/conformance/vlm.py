@@ -33,8 +33,7 @@ def check_each_request_has_its_reply(vlm: VLM) -> None:
             between("what a reply counts, tokens or dollars", count or 0, 0)
     ids = ", ".join(sorted(reply.request_id for reply in replies))
     wanted = ", ".join(request.id for request in sent)
-    what = f"the requests {wanted} had replies to {ids or 'none'}"
-    assert ids == wanted, what
+    assert ids == wanted, f"the requests {wanted} had replies to {ids or 'none'}"
 
 
 def check_a_request_that_it_cannot_serve_has_its_reply_too(vlm: VLM) -> None:
