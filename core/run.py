@@ -103,12 +103,13 @@ def _hydra(given: list[str]) -> None:
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
-    from core.config.compose import explain, register
+    from core.config.compose import explain, refuse_unknown_parts, register
     from core.config.schemas import RunConfig
     from core.config.trust import KeyFound, refuse_key_words
     from core.config.words import place_settings, quote_paths
 
     refuse_key_words(given)
+    refuse_unknown_parts(given)
     register()
     words = quote_paths(place_settings(given, RunConfig))
     words.sort(key=lambda word: word not in _SWEEP)  # Hydra takes no word before it

@@ -90,6 +90,7 @@ def load(name: str, overrides: Sequence[str], schema: type | None = None) -> Dic
         UserError: a wrong group, key or type; the message says what is possible.
     """
     refuse_key_words(overrides)
+    refuse_unknown_parts(overrides)
     register()
     if schema is not None:
         _register_schema(name, schema)
@@ -142,6 +143,30 @@ def check_keys(config: DictConfig) -> None:
         OmegaConf.merge(schema, OmegaConf.to_container(config))
 
 
+def refuse_unknown_parts(words: Sequence[str]) -> None:
+    """Refuse the name of a part that there is not, before those that there are get imported, which takes a second.
+
+    Whatever may mean more than a name is left to Hydra.
+
+    Raises:
+        UsageError: says which names are possible.
+    """
+    if any(word.startswith("-") for word in words):
+        return  # it may say where more configs are
+
+    for word in words:
+        kind, _, name = word.partition("=")
+        is_name = name.isidentifier() and name != "null"
+        if kind in KINDS and is_name and not sources.is_known(kind, name):
+            raise _refuse_choice(kind, name, list_groups()[kind])
+
+
+def _refuse_choice(group: str, choice: str, options: Sequence[str]) -> UsageError:
+    """Say that a group has no such choice, and which it has."""
+    unknown = choices(group, choice, options)
+    return UsageError(f"{unknown}{installed().failed}").coded(*unknown.refusals)
+
+
 def _compose(name: str, overrides: Sequence[str]) -> DictConfig:
     start: AbstractContextManager[object] = nullcontext()
     if not GlobalHydra.instance().is_initialized():  # else this is one of its jobs
@@ -161,13 +186,14 @@ def explain(error: Exception) -> UserError:
     if isinstance(error, MissingConfigException) and error.options:
         missing = error.missing_cfg_file or ""
         kind, _, path = missing.partition("/")
-        words = " or ".join(list_readers(kind, path))
-        if words and Path(path).suffix:
+        # Only for what looks like a file: who reads what is known once all parts are imported.
+        readers = list_readers(kind, path) if Path(path).suffix else []
+        words = " or ".join(readers)
+        if words:
             return UsageError(f"{kind}={path} is a file; to read it, type {words}")
 
         group, _, choice = missing.rpartition("/")
-        unknown = choices(group, choice, error.options)
-        return UsageError(f"{unknown}{failed}").coded(*unknown.refusals)
+        return _refuse_choice(group, choice, error.options)
 
     if isinstance(error, MissingMandatoryValue):
         return UsageError(

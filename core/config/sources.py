@@ -50,8 +50,7 @@ class PartConfigs(ConfigSource):  # type: ignore[misc]
 
     def is_config(self, config_path: str) -> bool:
         kind, name = _part(config_path)
-        offered = (kind, name) in installed().offers
-        return kind in KINDS and (offered or _file(config_path) is not None)
+        return kind in KINDS and is_known(kind, name)
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
         group = config_path.strip("/")
@@ -83,6 +82,12 @@ class PartConfigs(ConfigSource):  # type: ignore[misc]
             result.header["package"] = f"{kind}.{name}"
 
         return result
+
+
+def is_known(kind: str, name: str) -> bool:
+    """Report whether there is a part of this name, without importing it."""
+    offered = (kind, name) in installed().offers
+    return offered or _file(f"{kind}/{name}") is not None
 
 
 def _part(config_path: str) -> tuple[str, str]:

@@ -1,25 +1,26 @@
-"""Place knots along a plan's waypoints, and join the arm's joints there to a path."""
+"""Place knots along a plan's waypoints, and join the arm's joints there to a path.
+
+SciPy's splines are imported inside functions: they take 0.1 s, and each command imports this module.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import accumulate, pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.interpolate import (
-    BSpline,
-    CubicHermiteSpline,
-    CubicSpline,
-    PchipInterpolator,
-    make_interp_spline,
-)
 from scipy.linalg.lapack import dgbsv
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, running_sums, step_lengths
 from core.robot.kinematics import Arm
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline, CubicHermiteSpline, PchipInterpolator
+
+    JointPath = BSpline | PchipInterpolator  # joints (J,) over s in [0, 1]
 
 # Inverse kinematics is solved at knots this close; a cubic spline joins them.
 KNOT_M = 0.02
@@ -27,8 +28,6 @@ KNOT_RAD = 0.1
 APART_M = 1e-6  # waypoints nearer than this are one place
 _LEVER_M = 0.2  # a turn of 1 rad is as long as this
 _ROUNDING_RAD = 1e-9
-
-JointPath = BSpline | PchipInterpolator  # joints (J,) over s in [0, 1]
 
 
 class Knots(NamedTuple):
@@ -132,6 +131,8 @@ def _interpolate_monotonely(along: Array, values: Array) -> CubicHermiteSpline:
     suffices by F. N. Fritsch and R. E. Carlson, "Monotone piecewise cubic interpolation", 1980. To take a spline's is a
     proposal of J. M. Hyman, 1983.
     """
+    from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
     chords = np.diff(values, axis=0) / np.diff(along)[:, None]
     before = np.vstack([chords[:1], chords])
     after = np.vstack([chords, chords[-1:]])
@@ -160,6 +161,8 @@ class Spline(NamedTuple):
 
     def join(self, values: Array) -> BSpline:
         """Join values (K, J), to the last bit as SciPy's `make_interp_spline` does it, in a fiftieth of the time."""
+        from scipy.interpolate import BSpline
+
         _, _, coefficients, _ = dgbsv(self.degree, self.degree, self.bands, values)
         return BSpline.construct_fast(
             self.knots, np.ascontiguousarray(coefficients), self.degree
@@ -169,6 +172,8 @@ class Spline(NamedTuple):
 @lru_cache(maxsize=64)
 def prepare_spline(count: int) -> Spline:
     """Prepare splines through so many values, at least 2, at even places from 0 to 1."""
+    from scipy.interpolate import BSpline, make_interp_spline
+
     degree = min(3, count - 1)
     places = np.linspace(0.0, 1.0, count)
     knots = make_interp_spline(places, places, degree).t
@@ -186,6 +191,8 @@ def join_knots(knots: Array, arm: Arm) -> JointPath:
         knots: (K, J) joints.
         arm: gives the limits.
     """
+    from scipy.interpolate import PchipInterpolator
+
     spline = prepare_spline(len(knots))
     path = spline.join(knots)
 
@@ -224,6 +231,8 @@ def bend(path: JointPath, s: Array) -> Array:
     Returns:
         The size of its second derivative (S, J).
     """
+    from scipy.interpolate import PchipInterpolator
+
     after: Array = np.abs(path(s, 2))
     if not isinstance(path, PchipInterpolator):
         return after

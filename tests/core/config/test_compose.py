@@ -41,6 +41,15 @@ def test_a_plus_adds_no_unknown_key(words, reason):
     assert str(error.value).startswith(reason)
 
 
+def test_a_part_that_there_is_not_is_refused_before_others_are_imported(monkeypatch):
+    def refuse(kind, name):
+        raise AssertionError(f"{kind}={name} is imported")
+
+    monkeypatch.setattr(installed(), "factory", refuse)
+    with pytest.raises(UsageError, match="no sim 'mujco' .*'mujoco'.*; possible: "):
+        load("config", ["task=BringCube", "sim=mujco"])
+
+
 @pytest.mark.parametrize(
     ("word", "due"),
     [
