@@ -2,7 +2,6 @@
 
 import ast
 import re
-import tokenize
 from collections import defaultdict
 from functools import cache
 from pathlib import Path
@@ -111,19 +110,12 @@ def is_there(name):
     return False
 
 
-def texts(file):
-    """Yield the texts and comments of a file, each with its line."""
-    with tokenize.open(file) as stream:
-        for token in tokenize.generate_tokens(stream.readline):
-            if token.type in (tokenize.STRING, tokenize.COMMENT):
-                yield token.start[0], token.string
-
-
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_what_a_docstring_names_is_there(folder):
     missing = []
     for file in sorted((ROOT / folder).rglob("*.py")):
-        for line, text in texts(file):
+        # In Python a backtick stands in texts and comments alone.
+        for line, text in enumerate(file.read_text("utf-8").splitlines(), start=1):
             names = MENTION.findall(text)
             missing += [
                 f"{file.relative_to(ROOT)}:{line}: {name}"

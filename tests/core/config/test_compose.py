@@ -46,7 +46,7 @@ def test_a_part_that_there_is_not_is_refused_before_others_are_imported(monkeypa
         raise AssertionError(f"{kind}={name} is imported")
 
     monkeypatch.setattr(installed(), "factory", refuse)
-    with pytest.raises(UsageError, match="no sim 'mujco' .*'mujoco'.*; possible: "):
+    with pytest.raises(UsageError, match=r"no sim 'mujco' .*possible: "):
         load("config", ["task=BringCube", "sim=mujco"])
 
 
