@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -18,7 +19,7 @@ from core.simulation.attempt import Attempt, Stage
 from core.simulation.measuring import measure
 from core.simulation.observing import observe
 from core.solids.contacts import Contacts, find_contacts, make_trace
-from core.solids.penetration import Explosion, Finding, findings
+from core.solids.penetration import Explosion, findings
 from core.solids.record_rate import is_finite
 from core.support.text import number, shorten
 from core.task import margins_of, reward_of
@@ -123,7 +124,7 @@ def _make_trial(stage: Stage, attempt: Attempt) -> Trial:
         reason = f"task {task.name}: the reward {reward} is not in [0, 1]"
         trial = replace(trial, status="failed", reward=0.0, solved=False, reason=reason)
 
-    return _forbid_penetration(stage, _observe(stage, trial, attempt), attempt.findings)
+    return _forbid_penetration(stage, _observe(stage, trial, attempt), attempt)
 
 
 def _observe(stage: Stage, trial: Trial, attempt: Attempt) -> Trial:
@@ -139,17 +140,51 @@ def _observe(stage: Stage, trial: Trial, attempt: Attempt) -> Trial:
     return replace(trial, touch_m=seen.touch_m, outcome=text, observation=seen)
 
 
-def _forbid_penetration(stage: Stage, trial: Trial, found: Sequence[Finding]) -> Trial:
-    """Set the reward of a trial to 0 for penetration, where that is forbidden; ``found`` is what was unphysical."""
-    passages = [finding.text for finding in found if finding.penetration]
-    forbidden = stage.settings.penetration == "forbid" and passages
+def _forbid_penetration(stage: Stage, trial: Trial, attempt: Attempt) -> Trial:
+    """Set the reward of a trial to 0 for penetration, where that is forbidden."""
+    found = attempt.findings
+    if stage.settings.penetration != "forbid" or trial.reward <= 0:
+        return trial
 
-    if not forbidden or trial.reward <= 0:
+    excused = _list_excused(stage, trial, attempt) if found else set()
+    recording = attempt.outcome.recording
+    if excused and recording is not None:
+        parts = attempt.scene, stage.task.robot, attempt.job.tool, recording
+        found = findings(*parts, excused)
+
+    passages = [finding.text for finding in found if finding.penetration]
+    if not passages:
         return trial
 
     counts = f"so that its reward of {number(trial.reward, 2)} does not count"
     reason = trial.reason or f"{passages[0]}, {counts}"
     return replace(trial, reward=0.0, solved=False, reason=reason)
+
+
+def _list_excused(stage: Stage, trial: Trial, attempt: Attempt) -> set[str]:
+    """List the bodies on joints that meet their goals by more than they are deep in others, as a lid on its box."""
+    contacts = attempt.contacts or _look_for_contacts(stage, attempt)
+    if contacts is None:
+        return set()
+
+    excused = set()
+    for joint in attempt.scene.joints:
+        lever = float(np.linalg.norm(np.cross(joint.axis, joint.origin)))
+        metres = {"m": 1.0, "rad": lever, "deg": math.radians(lever)}
+        rooms = [
+            abs(margin.value - margin.limit) * metres[margin.unit]
+            for margin in trial.margins
+            if margin.subject == joint.body and margin.unit in metres
+        ]
+        depths = [
+            depth
+            for (kind, *pair), depth in contacts.depths.items()
+            if kind == "body" and joint.body in pair
+        ]
+        if rooms and min(rooms) > max(depths, default=0.0):
+            excused.add(joint.body)
+
+    return excused
 
 
 def _compute_reward(task: Task, start: State, end: State, trace: Trace | None) -> float:

@@ -6,7 +6,7 @@ Only recordings are read, so engines need not know of it. The steps stand in doc
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -71,6 +71,7 @@ def findings(
     robot: Robot,
     tool: Tool,
     recording: Recording,
+    excused: Collection[str] = (),
 ) -> list[Finding]:
     """Find what is unphysical in a rollout.
 
@@ -83,6 +84,7 @@ def findings(
         robot: the arm.
         tool: what it holds.
         recording: of the rollout, as finely as `sample_hz` asks for.
+        excused: bodies on joints that may be pressed as deep into others as what hangs from none.
 
     Raises:
         Explosion: a body's state is not finite, or it is faster than `EXPLODED_M_S` without a fall to explain it.
@@ -105,7 +107,7 @@ def findings(
         passed = [*find_soft_passages(scene, finer, recording.states)]
 
     pairs = neighbours(tracks, 0.0, scene.joined)
-    guided = {joint.body for joint in scene.joints}
+    guided = {joint.body for joint in scene.joints}.difference(excused)
     depths = choose_depths(tracks.solids, pairs, guided)
     meetings = _Meetings(tracks, pairs, depths)
     wanted = meetings.count_looks()
