@@ -143,8 +143,9 @@ def check_shapes_rest_where_they_are_put(simulator: Simulator) -> None:
 def check_states_are_those_of_frames(simulator: Simulator) -> None:
     """A body's position is its frame's, not its centre of mass'; so are its velocities, which add up to its way."""
     edge = make_body("edge", Box((0.1, 1.0, 0.1)), (3.0, 3.0, 0.0))
-    parts = (part(Box((0.3, 0.1, 0.02)), 0.15, 0, 0.01), part(Box((0.02, 0.1, 0.2)), 0.01, 0, 0.12))  # fmt: skip
-    corner = compound("L", *parts, at=(3.02, 3, 0.1), mass=1.0)
+    foot = part(Box((0.3, 0.1, 0.02)), 0.15, 0, 0.01)
+    leg = part(Box((0.02, 0.1, 0.2)), 0.01, 0, 0.12)
+    corner = compound("L", foot, leg, at=(3.02, 3, 0.1), mass=1.0)
     body = replace(corner, pose=corner.pose @ Pose.xyz_rpy((0, 0, 0), (0.0, 0.0, 0.1)))
     played = watch(simulator, edge, body, hold_s=0.5)
 

@@ -202,7 +202,7 @@ def check_chain_stays_together(simulator: Simulator) -> None:
 # --- latches and drives -----------------------------------------------------------------------------------------
 
 
-def _follow(
+def _track(
     simulator: Simulator, joint: Joint, *bodies: Body, seconds: float, settle_s: float
 ) -> tuple[Array, Array]:
     """Play bodies on a joint: instants (T,) and how the joint is there, m or rad."""
@@ -220,7 +220,7 @@ def check_latch_opens_at_its_force(simulator: Simulator) -> None:
     for share, due, within in ((1.03, hangs, 0.001), (0.97, -0.275, 0.225)):
         latch = Latch(0.0, share * _BLOCK_KG * GRAVITY, width)
         joint = replace(free, latches=(latch,))
-        _, found = _follow(simulator, joint, _BLOCK, seconds=3.0, settle_s=0.0)
+        _, found = _track(simulator, joint, _BLOCK, seconds=3.0, settle_s=0.0)
         near(
             f"where a block hangs from a latch of {share} times its weight, m",
             found[-1],
@@ -235,7 +235,7 @@ def check_drive_keeps_its_schedule(simulator: Simulator) -> None:
     # m or rad: what the slowest servo that is allowed trails behind at its speed.
     lag = 0.4 / 50.0
     joint = Joint("gate", "slider", "block", start=0.1, drive=drive)
-    times, found = _follow(simulator, joint, _BLOCK, seconds=2.0, settle_s=0.3)
+    times, found = _track(simulator, joint, _BLOCK, seconds=2.0, settle_s=0.3)
     near("where a driven slider is, m", found, drive.sample(times), lag + 0.004)
 
 
@@ -279,5 +279,5 @@ def _bear(simulator: Simulator, load_kg: float, joint: Joint) -> float:
         above = np.add(_AIR, (0.0, 0.0, 0.0202))
         bodies.append(cube("load", above, side=0.03, mass=load_kg))
 
-    _, found = _follow(simulator, joint, *bodies, seconds=1.5, settle_s=0.3)
+    _, found = _track(simulator, joint, *bodies, seconds=1.5, settle_s=0.3)
     return float(found[-1])

@@ -181,11 +181,9 @@ def check_nothing_happens_while_the_arm_waits(task: Task) -> str:
         record_hz=SAMPLE_HZ,
         forces=task.reads_trace,
     )
-    outcome = play(simulator, task, job)
-    assert outcome.start is not None, "an outcome without an error has no start state"
-    assert outcome.end is not None, "an outcome without an error has no end state"
-    begin = scene.complete(outcome.start)
-    last = scene.complete(outcome.end)
+    played = Film(scene, play(simulator, task, job))
+    begin = scene.complete(played.start)
+    last = scene.complete(played.end)
 
     is_launched = any(body.launched for body in scene.bodies)
     if not (is_launched or any(joint.drive is not None for joint in scene.joints)):
@@ -195,8 +193,7 @@ def check_nothing_happens_while_the_arm_waits(task: Task) -> str:
             mend = "put it where it can rest, or give it friction"
             assert way < MAX_DRIFT_M, f"{what}; {mend}"
 
-    recording = Film(scene, outcome).recording
-    contacts = find_contacts(scene, task.robot, Tool(), recording)
+    contacts = find_contacts(scene, task.robot, Tool(), played.recording)
     earned = reward_for(task, begin, last, make_trace(scene, contacts))
     between(
         f"what doing nothing earns after {REST_S:g} s in {name}",

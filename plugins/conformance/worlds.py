@@ -151,6 +151,18 @@ class Film:
     scene: Scene
     outcome: Outcome
 
+    @property
+    def start(self) -> State:
+        found = self.outcome.start
+        assert found is not None, "an outcome without an error has no start state"
+        return found
+
+    @property
+    def end(self) -> State:
+        found = self.outcome.end
+        assert found is not None, "an outcome without an error has no end state"
+        return found
+
     @cached_property
     def recording(self) -> Recording:
         found = self.outcome.recording
