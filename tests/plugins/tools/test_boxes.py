@@ -186,7 +186,7 @@ def test_an_elite_is_shown_without_what_goes_without_saying():
         (box(parent=3), "parent: must be a text"),
         (
             box(positon=[0, 0, 0]),
-            "no key 'positon' .*; possible: color, length",
+            "no key 'positon' .*; possible: color, ",
         ),
         (box(radius=0.1), "a box: radius: no key 'radius'"),
         (
