@@ -9,7 +9,7 @@ from functools import partial
 from types import ModuleType
 from typing import Any
 
-from core.errors import RAISED
+from core.errors import RAISED, UserError
 from core.plugins import KINDS, PluginPart
 from plugins.conformance import (
     action,
@@ -98,7 +98,14 @@ def _make(part: PluginPart, *given: object) -> Any:
 
 
 def examine(kind: str, checked: Any) -> Iterator[Verdict]:
-    """Yield the verdict of each check of a kind on an object, as `subject` makes it, when the check ends."""
+    """Yield the verdict of each check of a kind on an object, as `subject` makes it, when the check ends.
+
+    Raises:
+        UserError: Python leaves assertions out.
+    """
+    if not __debug__:
+        raise UserError("checks are assertions, which python -O leaves out")
+
     for check in SUITES[kind]:
         began = time.perf_counter()
         problem = None

@@ -3,6 +3,8 @@
 import importlib
 import itertools
 import pkgutil
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -500,6 +502,13 @@ def test_the_command_counts_what_failed(offered, monkeypatch, capsys):
     assert "one seed gives one layout: FAILED: nothing in the scene can move" in out
     # With the place in the code.
     assert "(" in next(line for line in out.splitlines() if "TypeError" in line)
+
+
+def test_checks_that_python_leaves_out_are_not_said_to_pass():
+    words = [sys.executable, "-O", "-m", "core", "conformance", "tool=none"]
+    found = subprocess.run(words, capture_output=True, text=True)
+    assert found.returncode != 0
+    assert "checks are assertions, which python -O leaves out" in found.stderr
 
 
 def test_something_must_be_named(monkeypatch):
