@@ -101,7 +101,7 @@ def check_fast_ways_are_what_steps_give(simulator: Simulator) -> None:
 def check_going_on_is_playing_whole(simulator: Simulator) -> None:
     """A job that goes on from where it was stopped, while the arm pushes a cube, is to the bit the one played whole."""
     if Ability.FORKS not in simulator.supports:
-        raise LeftOut("it does not go on from a stored state")
+        raise LeftOut(f"it does not support {Ability.FORKS}")
 
     task = Bodies(table(), cube(at=(0.6, 0.0, 0.05)))
     way = motion([[0.45, 0, 0.3, 0, 0, 0], [0.6, 0, 0.3, 0, 0, 0]])
