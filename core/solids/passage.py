@@ -444,14 +444,23 @@ def relative_ways(tracks: Tracks, pairs: Indices, near: Flags) -> Array:
     rows = tracks.rows
     pair, interval = np.nonzero(near)
     first, second = pairs[pair].T
-    ends = interval + np.array([[0], [1]])  # (2, N)
-    here = first, ends
-    there = second, ends
-    back = rows.rotations[there].swapaxes(2, 3)
-    apart = rows.positions[here] - rows.positions[there]
-    seen = np.einsum("knij,knj->kni", back, apart)
-    turned = angles(*(back @ rows.rotations[here]))
-    ways = np.full(near.shape, _ELSEWHERE_M)
-    ways[near] = lengths(seen[1] - seen[0]) + tracks.solids.reaches[first] * turned
 
+    # How each solid turns in an interval, once for all its pairs.
+    needed = np.zeros((len(rows.rotations), near.shape[1]), dtype=bool)
+    needed[first, interval] = True
+    needed[second, interval] = True
+    solid, begin = np.nonzero(needed)
+    turns = np.empty((*needed.shape, 3, 3))
+    turns[needed] = rows.rotations[solid, begin + 1] @ rows.rotations[
+        solid, begin
+    ].swapaxes(1, 2)
+
+    carried = turns[second, interval]
+    turned = angles(turns[first, interval], carried)
+    ends = interval + np.array([[0], [1]])
+    before, after = rows.positions[first, ends] - rows.positions[second, ends]
+    moved = after - np.einsum("nij,nj->ni", carried, before)
+
+    ways = np.full(near.shape, _ELSEWHERE_M)
+    ways[near] = lengths(moved) + tracks.solids.reaches[first] * turned
     return ways

@@ -182,7 +182,9 @@ class Bodies:
         """Update the brakes; call it after each time step, where bodies ``brake``."""
         self._steps += 1
         if self._steps % self._brake_every == 0:
-            self._brakes.adjust(self._unpack([self.snapshot()])[0, :, 7:10])
+            size = 13 * len(self._names)
+            bodies = np.frombuffer(self.snapshot(), np.float32, size).reshape(-1, 13)
+            self._brakes.adjust(bodies[:, 7:10])
 
     def launch(self) -> None:
         """Give bodies their velocities; PhysX takes that of the centre of mass."""

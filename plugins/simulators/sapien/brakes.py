@@ -59,7 +59,7 @@ class Brakes:
         self._up: npt.NDArray[np.float32] = np.negative(gravity, dtype=np.float32)
         self._brakes = brakes
         self._seconds = seconds
-        self._numbers = [brake.number for brake in brakes]
+        self._numbers = np.array([brake.number for brake in brakes], dtype=np.intp)
         squares = [brake.held * brake.held for brake in brakes]
         self._held = np.array(squares, dtype=np.float32)
         still = np.zeros((len(brakes), 3), dtype=np.float32)
