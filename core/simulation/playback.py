@@ -355,9 +355,10 @@ class Player:
             return Outcome(None, None, error=self.error)
 
         schedule = self.schedule
-        noted = [schedule.settle, *schedule.measures, schedule.count]
-        arm, _, states = worlds.read(number, [self._notes[done] for done in noted])
-        start = states[0]
+        noted = sorted({schedule.settle, *schedule.marks})
+        notes = [self._notes[done] for done in noted]
+        arm, fingers, states = worlds.read(number, notes)
+        start = states[noted.index(schedule.settle)]
         end = states[-1]
         if not all(np.isfinite(array).all() for array in end.arrays[:3]):
             error = "the simulation blew up: a body's state is not finite"
@@ -365,13 +366,16 @@ class Player:
 
         recording = None
         if len(schedule.samples):
-            recording = self._develop(worlds, number)
+            sampled = np.searchsorted(noted, schedule.samples)
+            seen = arm[sampled], fingers[sampled], states[sampled]
+            recording = self._develop(worlds, number, *seen)
 
+        measured = np.searchsorted(noted, schedule.measures)
         reactions = schedule.job.reactions
         return Outcome(
             start,
             end,
-            schedule.measure_lag(arm[1:-1]),
+            schedule.measure_lag(arm[measured]),
             recording=recording,
             felt=reactions.felt if reactions else (),
             looked=reactions.looked if reactions else (),
@@ -380,13 +384,15 @@ class Player:
             begins_s=self._begins_s,
         )
 
-    def _develop(self, worlds: Worlds, number: int) -> Recording:
-        """Make the recording of one of the worlds."""
+    def _develop(
+        self, worlds: Worlds, number: int, arm: Array, fingers: Array, states: State
+    ) -> Recording:
+        """Make the recording of one of the worlds, of what was seen at its samples."""
         schedule = self.schedule
         notes = [self._notes[sample] for sample in schedule.samples.tolist()]
         instants = schedule.instants[schedule.samples]
         loads = worlds.loads(number, notes)
-        recording = Recording(instants, *worlds.read(number, notes), loads=loads)
+        recording = Recording(instants, arm, fingers, states, loads=loads)
         if not schedule.job.forces:
             return recording
 
