@@ -281,34 +281,34 @@ class Race:
             rollouts: for the whole choice.
         """
         began = self.spent
-        left = list(alike)
-        found = list[Evaluation]()
+        end = began + CHOSEN * rollouts
+        left = self._put_first(alike)
+        if len(left) > 1:
+            self.compare(left, RACED * rollouts, MOST)
 
-        while left and self.spent < began + CHOSEN * rollouts:
-            left = self._put_first(left)
-            if len(left) > 1:
-                self.compare(left, began + RACED * rollouts - self.spent, MOST)
+        winner = self.decide(left, end)
+        if self.judge is None or not self.judge.decides:
+            return winner
+        making = self.judge.judge(winner)
+        if making is None or making.possible is not False:
+            return winner
 
-            winner = self.decide(left, began + CHOSEN * rollouts)
-            if found and not _holds_alike(winner, found[0], self.tie):
+        # Only tools that can be made are tried against it: to look at one takes longer than many rollouts.
+        left.sort(key=_weigh)
+        tried = winner
+        while self.spent < end:
+            tool = tried.candidate.tool
+            left = [runner for runner in left if runner.candidate.tool != tool]
+            other = self.judge.find_first(left)
+            if other is None:
                 break
 
-            found.append(winner)
-            if self.judge is None or not self.judge.decides:
-                break
-            making = self.judge.judge(winner)
-            if making is None or making.possible is not False:
-                return winner
+            self.compare([other], end - self.spent, MOST)
+            if _holds_alike(other, winner, self.tie):
+                return other
+            tried = other
 
-            left = [
-                runner
-                for runner in left
-                if runner.candidate.tool != winner.candidate.tool
-            ]
-            if self.judge.find_first(left) is None:
-                break
-
-        return found[0]
+        return winner
 
     def _find_proven(self, alike: Sequence[Evaluation]) -> list[Evaluation]:
         """Return those that were tried in as many layouts as any, and lost no more than anyone: none can be better."""

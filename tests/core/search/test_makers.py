@@ -23,7 +23,10 @@ PLA = Material("pla", 1240.0)
 
 
 class Once(Fitness):
-    """One engine, and layouts without end."""
+    """One engine, and so many layouts at the end."""
+
+    def __init__(self, count=10**6):
+        self.count = count
 
     def conditions(self):
         return [Condition(Named("BringCube"), Named("pybullet"))]
@@ -32,7 +35,7 @@ class Once(Fitness):
         raise AssertionError
 
     def finals(self):
-        for layout in range(10**6):
+        for layout in range(self.count):
             yield [Condition(Named("BringCube"), Named("pybullet"), layout)]
 
 
@@ -52,7 +55,9 @@ def play(condition, candidates):
     ]
 
 
-def choose(monkeypatch, designs, can, material=PLA, rollouts=480):
+def choose(
+    monkeypatch, designs, can, material=PLA, rollouts=480, layouts=10**6, playing=play
+):
     """Return the result of a race, and the grams of the tools that a plugin looked at; ``can`` names what it makes."""
     looked = []
 
@@ -70,10 +75,10 @@ def choose(monkeypatch, designs, can, material=PLA, rollouts=480):
     )
     monkeypatch.setattr(makers, "installed", lambda: plugins)
 
-    fitness = Once()
+    fitness = Once(layouts)
     run = SimpleNamespace(representation=SimpleNamespace(material=material))
     judge = Judge(run, fitness.conditions())
-    trials = Trials(Inline(), play=play)
+    trials = Trials(Inline(), play=playing)
     race = Race(fitness.finals(), fitness, trials, TIE, judge=judge)
     found = race.choose(Result((Generation(0, tuple(designs)),), 1.0), rollouts)
     return note_making(found, judge), looked
@@ -123,6 +128,25 @@ def test_far_heavier_tools_are_looked_at_where_the_lightest_can_not_be_made(
     designs = [design(number, 100 + number) for number in range(40)]
     result, _ = choose(monkeypatch, designs, range(120, 200))
     assert round(1000 * result.winner.candidate.tool.mass) == 132
+
+
+def test_few_tools_are_looked_at_where_the_one_that_can_be_made_does_not_hold(
+    monkeypatch,
+):
+    """Each look plays a design in all engines, which takes longer than many rollouts."""
+    worse = design(35, 165, reward=0.9).candidate.id
+
+    def play_worse(condition, candidates):
+        rewards = [0.9 if item.id == worse else 1.0 for item in candidates]
+        return [
+            Trial(condition.where, item.id, reward=reward, solved=True)
+            for item, reward in zip(candidates, rewards, strict=True)
+        ]
+
+    designs = [design(number, 200 - number) for number in range(40)]
+    result, looked = choose(monkeypatch, designs, (165,), layouts=2, playing=play_worse)
+    assert result.making.problem == "a loop"
+    assert len(looked) < 20
 
 
 def test_a_plugin_that_raises_is_named_and_costs_no_run(monkeypatch):
