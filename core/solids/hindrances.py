@@ -35,9 +35,15 @@ CALM = 0.98
 class Block:
     """Where a joint can't go on: its position, the body of it that meets another one."""
 
+    joint: Joint
     value: float
     body: str
     other: str
+
+    def __str__(self) -> str:
+        unit = "m" if self.joint.kind == "slider" else "rad"
+        where = f"where joint {self.joint.name} is at {self.value:.3g} {unit}"
+        return f"{self.body} meets {self.other} {where}"
 
 
 class Sweep:
@@ -52,9 +58,14 @@ class Sweep:
         for step in np.linspace(self.joint.start, value, STEPS + 1)[1:].tolist():
             moved = self.scene.with_starts({self.joint.name: step})
             for name in self.bodies:
-                for other in self._others:
-                    if self._is_blocked(moved, name, other):
-                        return Block(step, name, other)
+                if not moved[name].collisions:
+                    continue
+
+                low, high = bound(moved[name])
+                for other, (bottom, top) in self._others.items():
+                    apart = (low > top).any() or (bottom > high).any()
+                    if not apart and self._is_blocked(moved, name, other):
+                        return Block(self.joint, step, name, other)
 
         return None
 
@@ -78,30 +89,19 @@ class Sweep:
         return names
 
     @cached_property
-    def _others(self) -> list[str]:
-        """The bodies that can't be pushed away: fixed, or borne by another joint."""
-        borne = {joint.body for joint in self.scene.joints}
-        return [
-            body.name
+    def _others(self) -> dict[str, Box]:
+        """The bodies that can't be pushed away, fixed or borne by other joints of what is fixed, and their boxes."""
+        return {
+            body.name: bound(body)
             for body in self.scene.bodies
             if body.collisions
             and body.name not in self.bodies
-            and (body.fixed or body.name in borne)
-        ]
-
-    @cached_property
-    def _boxes(self) -> dict[str, Box]:
-        """Those around the bodies that can't be pushed away."""
-        return {name: bound(self.scene[name]) for name in self._others}
+            and (body.fixed or self.scene.find_hinge(body.name))
+        }
 
     def _is_blocked(self, moved: Scene, name: str, other: str) -> bool:
         """Report whether a body meets another one, wherever the other joints that bear one of the two stand."""
         if frozenset((name, other)) in self.scene.joined:
-            return False
-
-        low, high = bound(moved[name])
-        bottom, top = self._boxes[other]
-        if (low > top).any() or (bottom > high).any():
             return False
 
         before = min(measure_gap(self.scene, name, other), 0.0)
@@ -175,13 +175,12 @@ def _list_guides(goal: Reach, scene: Scene) -> Iterator[tuple[str, str, float | 
     """Yield the joints that alone decide where a goal's bodies get: the body, its joint, and what is asked of that."""
     for want in goal.wants(scene):
         for joint in scene.joints:
-            asked = joint.name == want.joint
-            guided = not want.joint and scene.find_hinge(joint.body) == joint.name
+            root = scene.find_hinge(joint.body)
             if joint.kind == "ball" or joint.body not in want.bodies:
                 continue
-            if asked and scene.find_hinge(joint.body):
+            if root and joint.name == want.joint:
                 yield joint.body, joint.name, want.to
-            elif guided:
+            elif root == joint.name and not want.joint:
                 yield joint.body, joint.name, None
 
 
@@ -215,11 +214,8 @@ def _explain_block(goal: Reach, scene: Scene, name: str, aim: float | None) -> s
     if free > beyond - LEAST_SHARE:
         return ""
 
-    unit = "m" if joint.kind == "slider" else "rad"
-    return (
-        f"{nearest.body} meets {nearest.other} where joint {name} is at {nearest.value:.3g} {unit}, and has to go on; "
-        f"move {nearest.other}, or ask for less; so it pays nothing"
-    )
+    mend = f"move {nearest.other}, or ask for less"
+    return f"{nearest}, and has to go on; {mend}; so it pays nothing"
 
 
 def find_hindrances(goals: Sequence[Goal], scene: Scene) -> Iterator[str]:
@@ -300,11 +296,8 @@ def _explain_shutter(scene: Scene, name: str, joint_name: str) -> str:
         return ""
 
     block = blocks[0]
-    unit = "m" if joint.kind == "slider" else "rad"
-    return (
-        f"{name} can't get out: joint {joint_name} would let it, and {block.body} meets {block.other} at "
-        f"{block.value:.3g} {unit}, wherever {block.other} stands; move {block.other} out of the way of {block.body}"
-    )
+    mend = f"move {block.other} out of the way of {block.body}"
+    return f"{name} can't get out: {block}, wherever {block.other} stands; {mend}"
 
 
 def _ends(lower: float, upper: float, start: float) -> list[float]:

@@ -105,22 +105,34 @@ joints:
 goals:
   - {name: opened, joint: swing, to: "> 1"}
 """
-SLIDES = "lower: 0, upper: 0.1}"
+SHORT = {
+    "lower: 0, upper: 0.1}": "lower: 0, upper: 0.01}"
+}  # the bolt stays behind the catch
+FIXED = "fixed: true}\njoints:\n"
+FRAME = "  - {name: frame, box: [0.02, 0.02, 0.02], position: [0.6, 0.2, 0.01], mass: 0.1}\n"
+HUNG = "  - {name: hook, kind: hinge, body: catch, parent: frame, axis: [1, 0, 0], lower: 0, upper: 0.001}\n"
+PINNED = HUNG.replace("parent: frame, ", "")
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("changes", "said"),
     [
-        ("", "", ""),
-        (SLIDES, "lower: 0, upper: 0.01}", "opened: bolt meets catch where joint swing is at"),
-        ('joint: swing, to: "> 1"', 'bodies: [gate], turned_deg: "> 60"', ""),
-        ("fixed: true}\njoints", "mass: 0.2}\njoints", ""),  # it is pushed over
-        ("parent: gate, axis", "axis", "opened: gate meets bolt where joint swing is at"),
-        ("{name: swing, kind: hinge, body: gate,", "{name: swing, kind: hinge, body: gate, parent: frame,", ""),
+        ({}, ""),
+        (SHORT, "opened: bolt meets catch where joint swing is at"),
+        ({**SHORT, FIXED: "mass: 0.2}\njoints:\n"}, ""),  # it is pushed over
+        ({**SHORT, FIXED: f"mass: 0.2}}\n{FRAME}joints:\n{HUNG}"}, ""),  # with its frame
+        ({**SHORT, FIXED: f"mass: 0.2}}\njoints:\n{PINNED}"}, "opened: bolt meets catch"),
+        ({'joint: swing, to: "> 1"': 'bodies: [gate], turned_deg: "> 60"'}, ""),
+        ({**SHORT, 'joint: swing, to: "> 1"': 'bodies: [gate], turned_deg: "> 60"'}, "opened: bolt meets catch"),
+        ({"parent: gate, axis": "axis"}, "opened: gate meets bolt"),
     ],
 )  # fmt: skip
-def test_what_a_joint_meets_may_be_moved_out_of_its_way(hindrances, old, new, said):
-    text = GATE.replace(old, new) if old else GATE
-    frame = "  - {name: frame, box: [0.02, 0.02, 0.02], position: [0.6, 0.1, 0.3], mass: 0.1}\n"
-    _, lines = hindrances(text.replace("joints:", f"{frame}joints:"))
+def test_what_a_joint_meets_may_be_moved_out_of_its_way(hindrances, changes, said):
+    text = GATE
+    for old, new in changes.items():
+        assert old in text
+        text = text.replace(old, new)
+
+    task, lines = hindrances(text)
     assert [line[: len(said)] for line in lines] == [said] * bool(said)
+    assert bool(task.scene(0).hindered) == bool(said)
