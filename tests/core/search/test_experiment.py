@@ -12,7 +12,7 @@ from tests.support import toys
 pytestmark = pytest.mark.slow
 
 SIZES = [
-    "budget.n_agent=1",
+    "budget=tiny",
     "budget.n_tool=2",
     "budget.n_action=2",
     "budget.n_iteration=1",

@@ -417,8 +417,8 @@ def test_invalid_settings():
 # --- a run ------------------------------------------------------------------------------------------------------
 
 RUN = [
-    *("vlm=mailbox", "vlm.poll_s=0.05", "budget.n_agent=2", "budget.n_tool=1"),
-    *("budget.n_action=1", "budget.n_iteration=0", "film=false"),
+    *("vlm=mailbox", "vlm.poll_s=0.05"),
+    *("budget=tiny", "budget.n_agent=2", "film=false"),
 ]
 
 
