@@ -11,6 +11,7 @@ import yaml
 
 from tests.support import commands
 from tests.support.packages import install
+from tests.support.rare import mostly
 
 pytestmark = pytest.mark.slow
 
@@ -162,8 +163,13 @@ def test_a_sweeper_gets_the_best_reward_of_each_run(site, tmp_path):
     assert best["best_params"]["budget.n_action"] == 2  # its second plan is better
 
 
-@pytest.mark.parametrize("part", ["task=PushButton", "tool=numbers", "evolution=restarts", "fitness=thrifty",
-                                  "vlm=echo", "executor=here", "listener=csv"])  # fmt: skip
+PARTS = [
+    *("task=PushButton", "tool=numbers", "evolution=restarts", "fitness=thrifty"),
+    *("vlm=echo", "executor=here", "listener=csv"),
+]
+
+
+@pytest.mark.parametrize("part", mostly(PARTS, "executor=here"))
 def test_its_parts_conform(site, tmp_path, part):
     """All but the simulator, which has no physics."""
     done = python_m(site, tmp_path, "core", "conformance", part)
