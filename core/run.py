@@ -35,8 +35,7 @@ groups (GROUP=NAME):
 {groups}
 
 keys (KEY=VALUE), and their values:
-
-{keys}"""
+"""
 
 
 def _run_job(cfg: DictConfig) -> float:
@@ -87,15 +86,21 @@ def main(words: list[str]) -> None:
 
 
 def _print_help(words: list[str]) -> None:
-    """Print how the command is used, and the keys and values that words lead to; Hydra's own help takes seconds."""
+    """Print how the command is used, and the keys and values that words lead to; Hydra's own help takes seconds.
+
+    The keys come last: for these all parts are imported, which takes most of the time.
+    """
     from omegaconf import OmegaConf
 
-    from core.config.compose import list_groups, load
+    from core.config.compose import list_groups, load, refuse_unknown_parts
 
+    refuse_unknown_parts(words)
     groups = [f"{name}: {', '.join(parts)}" for name, parts in list_groups().items()]
+    say(*HELP.format(groups="\n".join(groups)).splitlines(), "")
+    sys.stdout.flush()
+
     keys = OmegaConf.to_yaml(load("config", words))
-    text = HELP.format(groups="\n".join(groups), keys=keys)
-    say(*text.splitlines())
+    say(*keys.splitlines())
 
 
 def _hydra(given: list[str]) -> None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-from xml.sax.saxutils import escape
 
 from core.geometry import Primitive
 from core.values.descriptions import (
@@ -151,7 +151,7 @@ def _set(**values: Any) -> str:
 def _write(value: str | float | tuple[float, ...]) -> str:
     """Write a text, or numbers so that they are read to the last bit."""
     if isinstance(value, str):
-        return escape(value, {'"': "&quot;"})
+        return html.escape(value, quote=False).replace('"', "&quot;")
     if isinstance(value, tuple):
         return " ".join(map(_write, value))
 
