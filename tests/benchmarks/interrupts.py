@@ -131,6 +131,9 @@ def write_designs(folder: Path) -> None:
 
 
 def main(words: list[str]) -> int:
+    # In the background of a shell Ctrl-C is ignored, and every command started from here would ignore it too.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
     settings = dict(word.split("=", 1) for word in words)
     times = int(settings.get("times", 50))
     most_s = float(settings.get("most", 3.0))
