@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -66,7 +67,11 @@ def contained(doing: str = "") -> Iterator[None]:
 
 @contextmanager
 def _kept_alive() -> Iterator[None]:
-    """Refuse to end the process, and only this one: what a plugin starts may end as it likes."""
+    """Refuse to end the process, and only this one: what a plugin starts may end as it likes.
+
+    Folders that it takes out of ``sys.path`` come back, or nothing else could be imported.
+    """
+    path = [*sys.path]
     process = os.getpid()
     end = os._exit
     abort = os.abort
@@ -83,3 +88,4 @@ def _kept_alive() -> Iterator[None]:
     finally:
         os._exit = end
         os.abort = abort
+        sys.path += [folder for folder in path if folder not in sys.path]

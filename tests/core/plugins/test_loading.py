@@ -25,6 +25,7 @@ CODES = {
     "abort": "import os; os.abort()",
     "unprintable": "class E(Exception):\n  def __str__(s): raise ValueError('str')\nraise E()",
     "stdout": "import sys; sys.stdout.close()",
+    "path": "import sys; sys.path.clear()",
     "hook_interrupt": HOOK + "def tasks(): raise KeyboardInterrupt",
     "hook_leave": HOOK + "def tasks():\n  import os; os._exit(0)",
     "hook_names": HOOK + "def tasks(): return {'A': None, 3: 4, '../x': str}",
@@ -89,6 +90,13 @@ def test_what_is_no_exception_becomes_one_and_the_process_lives():
             ends()
     with pytest.raises(Contained, match="GeneratorExit"), contained():
         raise GeneratorExit
+
+
+def test_folders_come_back_that_a_plugin_takes_from_the_path(monkeypatch):
+    monkeypatch.setattr(sys, "path", ["one", "two"])
+    with contained():
+        sys.path[:] = ["its own"]
+    assert sys.path == ["its own", "one", "two"]
 
 
 def test_an_interrupt_of_the_user_stays_one():
