@@ -2,6 +2,7 @@
 
 import json
 import sqlite3
+from types import SimpleNamespace
 
 import pytest
 
@@ -51,6 +52,17 @@ def test_the_same_result_as_the_past_run_and_requests_that_it_lacks(tmp_path):
         (3, 1),
         (3, 1),
     ]
+
+
+def test_a_file_answers_each_request(tmp_path):
+    file = tmp_path / "answer.md"
+    file.write_text("So: one cube.")
+    vlm = installed().create("vlm", "replay", {"run": str(file)})
+    requests = [SimpleNamespace(id=name) for name in ("scene-1", "scene-2")]
+    replies = list(vlm.complete(requests))
+    assert [reply.request_id for reply in replies] == ["scene-1", "scene-2"]
+    assert {reply.text for reply in replies} == {"So: one cube."}
+    assert str(file) in vlm.model
 
 
 def test_mistakes_are_errors(tmp_path):
