@@ -17,6 +17,7 @@ from core.interfaces import Simulator, Task
 from core.scene import Body
 from core.simulation.pictures import png, report_missing
 from plugins.tasks.file.bench.checks import SURROUNDINGS
+from plugins.tasks.file.bench.findings import Verdict
 from plugins.tasks.file.bench.fitting import list_corners
 from plugins.tasks.file.bench.photographs import Photograph
 from plugins.tasks.file.bench.scene_replies import Sighting
@@ -42,6 +43,7 @@ def draw_page(
     sightings: Sequence[Sighting],
     simulator: Simulator,
     words: Sequence[str],
+    verdicts: Sequence[Verdict] = (),
 ) -> str:
     """Draw the page, HTML without anything from elsewhere; what can't be drawn here is said."""
     bodies = []
@@ -74,6 +76,7 @@ def draw_page(
     return template.render(
         name=task.name,
         words=words,
+        verdicts=verdicts,
         photographs=photographs,
         sightings=sightings,
         bodies=bodies,

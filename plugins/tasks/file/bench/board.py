@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
-from core.errors import UsageError
+from core.errors import UsageError, UserError
 from core.geometry import Array, Pose
 from core.simulation.pictures import describe_camera
 from core.support.cli import expand, say, write_bytes
@@ -27,6 +27,8 @@ _DOTS_PER_M = 300 / 0.0254
 CORNER_PX = 1.0  # how well a marker's corner is found, with the print's errors
 FAR_M = 5.0  # no board lies farther from the robot: the number is of another unit
 _LEAST_MARKERS = 2
+_MANY_MARKERS = 4  # in a mirror image: so many are no chance
+_SHARPEN_PX = 2.0
 _WORDS = f"up: forward from the robot, at yaw 0   -   print at 100 %: each marker is {1000 * MARKER_M:.0f} mm wide"
 
 _YAW = "at yaw 0 its edge with the words is away from the robot (toward x), at yaw 90 to the left (toward y)"
@@ -92,41 +94,80 @@ def find_by_board(
     if not 0 < marker_mm < 1000:
         raise UsageError(f"board_marker_mm={marker_mm:g} is no width of a marker, mm")
 
-    scale = marker_mm / (1000 * MARKER_M)
     say(f"board: middle at ({x:g}, {y:g}), yaw {yaw_deg:g} degrees; {_YAW}")
     frame = find_frame(place)
+    scale = marker_mm / (1000 * MARKER_M)
+
+    def find(photograph: Photograph, pixels: Array) -> Photograph | None:
+        landmarks = _find_markers(pixels, frame, scale)
+        return None if landmarks is None else photograph.find(landmarks, fov_deg)
+
+    found = list[Photograph]()
+    for photograph in photographs:
+        name = photograph.picture.name
+        pixels = np.asarray(Image.open(io.BytesIO(photograph.picture.png)).convert("L"))
+        try:
+            by_board = find(photograph, pixels) or find(photograph, _sharpen(pixels))
+        except UserError:
+            _refuse_mirrored(pixels, frame, scale, photograph)
+            raise
+
+        if by_board is None:
+            _refuse_mirrored(pixels, frame, scale, photograph)
+            say(
+                f"{name}: the board is not found in it (fewer than {_LEAST_MARKERS} markers); lay it flat where "
+                "nothing hides it, go nearer, hold still, and avoid glare"
+            )
+            found.append(photograph)
+        elif photograph.view is None:
+            found.append(_describe(by_board))
+        else:
+            found.append(replace(photograph, landmarks=by_board.landmarks))
+
+    return found
+
+
+def _refuse_mirrored(
+    pixels: Array, frame: Pose, scale: float, photograph: Photograph
+) -> None:
+    """Refuse a photograph in whose mirror image the board is found.
+
+    Raises:
+        UsageError: it is one.
+    """
+    landmarks = _find_markers(np.ascontiguousarray(pixels[:, ::-1]), frame, scale)
+    if landmarks is not None and landmarks.markers >= _MANY_MARKERS:
+        raise UsageError(
+            f"{photograph.picture.name} is mirrored, as the board in it shows: give the picture as it was taken"
+        )
+
+
+def _sharpen(pixels: Array) -> Array:
+    """Return a picture (H, W) that was sharpened: markers are found in it that blur hid."""
+    cv2 = load_opencv()
+    blurred = cv2.GaussianBlur(pixels, (0, 0), _SHARPEN_PX)
+    sharp: Array = cv2.addWeighted(pixels, 5.0, blurred, -4.0, 0)
+    return sharp
+
+
+def _find_markers(pixels: Array, frame: Pose, scale: float) -> Landmarks | None:
+    """Find the board's markers in a grey picture (H, W); None: fewer than are needed."""
     cv2 = load_opencv()
     board = _board()
     settings = cv2.aruco.DetectorParameters()
     settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     detector = cv2.aruco.ArucoDetector(board.getDictionary(), settings)
+    corners, names, _ = detector.detectMarkers(pixels)
+    if len(corners) < _LEAST_MARKERS:
+        return None
 
-    found = list[Photograph]()
-    for photograph in photographs:
-        pixels = np.asarray(Image.open(io.BytesIO(photograph.picture.png)).convert("L"))
-        corners, names, _ = detector.detectMarkers(pixels)
-        if len(corners) < _LEAST_MARKERS:
-            say(
-                f"{photograph.picture.name}: the board is not found in it ({len(corners)} markers; {_LEAST_MARKERS} "
-                "are needed); lay it flat where nothing hides it, go nearer, and avoid glare"
-            )
-            found.append(photograph)
-            continue
-
-        points, seen = board.matchImagePoints(corners, names)
-        # On the sheet x is to the right and y down, from the first marker's corner.
-        right, down = (points.reshape(-1, 3)[:, :2] - _EXTENT_M / 2).T
-        world = frame.apply(scale * np.stack([-down, -right, 0 * right], axis=1))
-        # OpenCV counts from the middle of the first pixel.
-        middles = seen.reshape(-1, 2) + 0.5
-        landmarks = Landmarks(world, middles, CORNER_PX, len(corners))
-        if photograph.view is None:
-            by_board = photograph.find(landmarks, fov_deg)
-            found.append(_describe(by_board))
-        else:
-            found.append(replace(photograph, landmarks=landmarks))
-
-    return found
+    points, seen = board.matchImagePoints(corners, names)
+    # On the sheet x is to the right and y down, from the first marker's corner.
+    right, down = (points.reshape(-1, 3)[:, :2] - _EXTENT_M / 2).T
+    world = frame.apply(scale * np.stack([-down, -right, 0 * right], axis=1))
+    # OpenCV counts from the middle of the first pixel.
+    middles = seen.reshape(-1, 2) + 0.5
+    return Landmarks(world, middles, CORNER_PX, len(corners))
 
 
 def find_frame(place: Sequence[float]) -> Pose:

@@ -17,11 +17,12 @@ from core.support.cli import say
 from core.support.templates import fill
 from core.support.text import clean
 from plugins.tasks.file.bench.asking import Asker
+from plugins.tasks.file.bench.board import MARKER_M
 from plugins.tasks.file.bench.checks import find_faults, measure_reach
 from plugins.tasks.file.bench.edits import set_variation
 from plugins.tasks.file.bench.fitting import Evidence, Fit, fit_seen, place_points
 from plugins.tasks.file.bench.marks import Numbers
-from plugins.tasks.file.bench.mistakes import find_mistake
+from plugins.tasks.file.bench.mistakes import Referee
 from plugins.tasks.file.bench.photographs import Photograph
 from plugins.tasks.file.bench.scene_replies import LONGEST, Beside, read_reply
 from plugins.tasks.file.bench.views import LEAST_PLACES, Landmarks
@@ -52,6 +53,7 @@ class Draft:
         fit: the errors of what was seen.
         faults: a line for each; none: it is sound.
         board: x, y (m) and yaw (degrees) of the printed board; empty: there is none.
+        marker_mm: how wide its markers are said to be.
     """
 
     file: Path
@@ -64,6 +66,7 @@ class Draft:
     fit: Fit = field(default_factory=Fit)
     faults: list[str] = field(default_factory=list)
     board: tuple[float, ...] = ()
+    marker_mm: float = 1000 * MARKER_M
 
     def ask(self, asker: Asker, tries: int, sentence: str) -> None:
         """Have the file written for a sentence, or changed; the last draft may have faults.
@@ -71,7 +74,7 @@ class Draft:
         Raises:
             UserError: the model has questions, or gave no answer.
         """
-        before = self._read_numbers()
+        before = self.read_numbers()
         pictures = self._read_pictures()
         told = fill(
             PACKAGE,
@@ -85,8 +88,13 @@ class Draft:
         )
         sent = [photograph.picture for photograph in self.photographs]
         messages = [Message("user", (Text(told), *sent))]
+        reply = ""
         for _ in range(tries):
+            before_it = reply
             reply = asker.ask(messages)
+            if reply == before_it:  # it mends nothing
+                return
+
             try:
                 self.text, self.beside = read_reply(self.file, reply)
             except UserError as error:
@@ -98,7 +106,10 @@ class Draft:
                         f"the model asks: {' '.join(asked)} Say it in the sentence."
                     )
 
-                strays = list(self._find_strays(before, sentence))
+                strays = [
+                    *self._find_strays(before, sentence),
+                    *self.find_unsighted(before),
+                ]
                 if self._read_pictures() != pictures:
                     strays.append(
                         "pictures are the person's to name; leave that key as it was, or out"
@@ -119,7 +130,7 @@ class Draft:
 
         What the answer marks as told counts as named, such as the place of what lies in a cup that is moved.
         """
-        now = self._read_numbers()
+        now = self.read_numbers()
         for path in before.marks:
             name = path.split(".")[1].lower()
             if any(word in sentence.lower() for word in re.findall("[a-z]+", name)):
@@ -133,10 +144,30 @@ class Draft:
                     "it # told where it has to change too"
                 )
 
+    def find_unsighted(self, before: Numbers) -> Iterator[str]:
+        """Yield a line for each new body or mark that is marked as seen, though it was sighted in no photograph."""
+        if not self.photographs:
+            return
+
+        sighted = {sighting.body for sighting in self.beside.sightings}
+        seen = set[str]()
+        for path, mark in self.read_numbers().marks.items():
+            kind, name, *_ = path.split(".")
+            if mark == "seen" and kind != "joints" and path not in before.marks:
+                seen.add(name)
+
+        for name in sorted(seen - sighted):
+            if not any(body.startswith(f"{name}_") for body in sighted):
+                yield (
+                    f"{name} is marked # seen, and no sighting says where; add sightings of it, or mark its numbers "
+                    "# assumed"
+                )
+
     def _read_pictures(self) -> Any:
         return Tree(self.file, self.text or "{}").data.get("pictures")
 
-    def _read_numbers(self) -> Numbers:
+    def read_numbers(self) -> Numbers:
+        """Read the numbers of the file, with their marks."""
         return Numbers(Tree(self.file, self.text or "{}"), self.text)
 
     def examine(self) -> None:
@@ -203,19 +234,6 @@ class Draft:
         self.text = set_variation(self.text, "seen", block)
 
     @property
-    def guesses(self) -> set[str]:
-        """The bodies and marks whose numbers a photograph should have given, and none has: the model's guesses."""
-        if not self.photographs:
-            return set()
-
-        numbers = self._read_numbers()
-        return {
-            path.split(".")[1]
-            for path, mark in numbers.marks.items()
-            if mark == "seen" and "position" in path and path not in self.fit.values
-        }
-
-    @property
     def names_pictures(self) -> bool:
         """Whether the file names the pictures of the bench."""
         return self._read_pictures() is not None
@@ -236,7 +254,8 @@ class Draft:
         Raises:
             BenchMistake: it is that.
         """
-        found = find_mistake(task, numbers, evidence, self.fit, self.board)
+        referee = Referee(task, numbers, evidence, self.fit, self.board, self.marker_mm)
+        found = referee.find_mistake()
         if found is None:
             return
         if found.may_point:
@@ -246,7 +265,7 @@ class Draft:
 
     def _place_others(self, task: FileTask) -> bool:
         """Find the cameras of other photographs by the bodies that they share with those whose camera is known."""
-        fitted = {path.split(".")[1] for path in self.fit.values}
+        fitted = {path.split(".")[1] for path in self.fit.measured}
         scene = task.with_numbers(self.fit.values)
         placed = False
         for number, photograph in enumerate(self.photographs):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from core.support.templates import fill
-from plugins.tasks.file.bench.drafts import PACKAGE
+from plugins.tasks.file.bench.drafts import PACKAGE, Draft
 from plugins.tasks.file.bench.fitting import Fit
 from plugins.tasks.file.bench.photographs import Photograph
 from plugins.tasks.file.bench.views import View
@@ -68,3 +69,64 @@ def _measure_move(before: View, view: View) -> dict[str, Any]:
         "turned_deg": np.degrees(turned),
         "wider_deg": view.camera.fov_deg - before.camera.fov_deg,
     }
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Where a number of the scene file comes from.
+
+    Attributes:
+        name: of the body, mark or joint.
+        key: of the number in it, such as ``position.x``.
+        value: of the number, m or degrees.
+        source: ``measured``, ``told``, ``assumed``, or ``guessed``: it was to be seen, and no photograph fixes it.
+        photos: the names of the photographs that it was measured by.
+        error: half of the range that fits, m or degrees.
+    """
+
+    name: str
+    key: str
+    value: float
+    source: str
+    photos: tuple[str, ...] = ()
+    error: float = 0.0
+
+    @property
+    def kind(self) -> str:
+        """What is measured: a place, a turn or a size; what lies in a body makes its size."""
+        if "rpy_deg" in self.key:
+            return "turn"
+
+        return "place" if self.key.startswith("position") else "size"
+
+    @property
+    def amount(self) -> str:
+        """The error in words; empty: there is none."""
+        if not self.error:
+            return ""
+
+        unit, factor = ("deg", 1) if self.kind == "turn" else ("mm", 1000)
+        return f"± {factor * self.error:.1f} {unit}"
+
+
+def judge_numbers(draft: Draft) -> list[Verdict]:
+    """List a verdict for each number of bodies, marks and joints."""
+    fit = draft.fit
+    numbers = draft.read_numbers()
+    verdicts = []
+    for path, mark in numbers.marks.items():
+        name, key = path.split(".", 2)[1:]
+        photos = []
+        source = "guessed" if mark == "seen" else mark
+        if path in fit.measured and mark != "told":
+            source = "measured"
+            seen_in = {s.photo for s in draft.beside.sightings if s.body == name}
+            for number in sorted(fit.views):
+                if number + 1 in seen_in:
+                    photos.append(draft.photographs[number].picture.name)
+
+        error = float(np.ptp(fit.benches.get(path, [0.0]))) / 2
+        value = numbers.values[path]
+        verdicts.append(Verdict(name, key, value, source, tuple(photos), error))
+
+    return verdicts

@@ -43,14 +43,31 @@ _ENOUGH = 1e-3
 _POINTED = 4.0  # sightings that `PIXEL_PX` counts as
 _LEAST = 0.01  # of the largest slope of gaps: smaller ones are none
 _TOUCHED = 3  # steps by which what touches is brought together again
+_GUESSED = (
+    0.7  # of its first standard deviation: a number that keeps so much is still a guess
+)
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What is known of a bench: photographs, and what was seen in them."""
+    """What is known of a bench.
+
+    Attributes:
+        photographs: of it.
+        sightings: what was seen in them.
+        foot: (3,) where the middle of the arm's foot stands, in the world of the cameras.
+        freed: told numbers that are fitted all the same, by their paths; those of one group by one share of each.
+    """
 
     photographs: Sequence[Photograph]
     sightings: Sequence[Sighting]
+    foot: tuple[float, ...] = (0.0, 0.0, 0.0)
+    freed: tuple[tuple[str, ...], ...] = ()
+
+    @property
+    def sighted(self) -> set[str]:
+        """The names of the bodies and marks that were seen in a photograph."""
+        return {sighting.body for sighting in self.sightings}
 
 
 @dataclass
@@ -59,6 +76,7 @@ class Fit:
 
     Attributes:
         values: numbers by their paths, m or degrees.
+        measured: the paths of those that photographs fix; the others are the model's guesses.
         benches: up to `BENCHES` values of each, all of which fit what was seen; those of one place belong together. The
             first are ``values``.
         views: of photographs by their numbers, from 0, as they were fitted.
@@ -66,17 +84,24 @@ class Fit:
         off_px: by how much what was seen in each photograph is missed, root mean square, pixels.
         misses: a line for each sighting far off.
         base_px: by how much the middle of the arm's foot is missed at most, pixels.
-        misfit: of all that was seen and measured (`measure_misfit`).
+        pixel_px: how well sightings seem to point, one standard deviation.
+        misfit: of all that was seen and measured, a sum of squares of standard deviations, at first.
+        count: how many numbers were seen or measured.
+        cameras: by how much the cameras were shifted at first, in standard deviations (`Bundle`).
     """
 
     values: dict[str, float] = field(default_factory=dict)
+    measured: set[str] = field(default_factory=set)
     benches: dict[str, list[float]] = field(default_factory=dict)
     views: dict[int, View] = field(default_factory=dict)
     moves: dict[int, float] = field(default_factory=dict)
     off_px: dict[int, float] = field(default_factory=dict)
     misses: list[str] = field(default_factory=list)
     base_px: float = 0.0
+    pixel_px: float = PIXEL_PX
     misfit: float = 0.0
+    count: int = 0
+    cameras: Array = field(default_factory=lambda: np.zeros(0))
 
 
 def fit_seen(task: FileTask, numbers: Numbers, evidence: Evidence) -> Fit:
@@ -91,19 +116,25 @@ def fit_seen(task: FileTask, numbers: Numbers, evidence: Evidence) -> Fit:
         return fit
 
     best, slopes = _solve(problem, np.zeros(problem.size))
-    misfit = float(np.sum(problem.miss(best) ** 2))
+    count = len(problem.unknowns)
     # How well a person points shows in what is left.
-    problem.pixel_px = _estimate_error(problem, best, slopes)
+    problem.pixel_px = fit.pixel_px = _estimate_error(problem, best, slopes)
+    fit.misfit = problem.measure_misfit(best)
+    fit.count = problem.count
+    fit.cameras = best[count:]
     problem.keep_apart(best)
     best, slopes = _solve(problem, best)
-    count = len(problem.unknowns)
     fit.values = problem.name(best[:count])
-    fit.benches = _draw_benches(problem, best, slopes)
+    spread = np.linalg.inv(np.linalg.cholesky(slopes.T @ slopes)).T
+    for unknown, moves in zip(problem.unknowns, spread, strict=False):
+        if np.linalg.norm(moves) < _GUESSED:
+            fit.measured.update(unknown)
+
+    fit.benches = _draw_benches(problem, best, slopes, spread)
 
     scene = task.with_numbers(fit.values)
     views = problem.bundle.move(best[count:])
     fit.base_px = problem.measure_base(best)
-    fit.misfit = misfit
     fit.moves = problem.bundle.measure_moves(best[count:])
     for number, view in views.items():
         here = [s for s in problem.seen if s.photo == number + 1]
@@ -120,40 +151,44 @@ def fit_seen(task: FileTask, numbers: Numbers, evidence: Evidence) -> Fit:
     return fit
 
 
-class Misfit(NamedTuple):
-    """How badly all that was seen and measured fits.
+class Trial(NamedTuple):
+    """What comes of other evidence.
 
     Attributes:
-        total: the sum of squares of standard deviations.
-        base_px: by how much the middle of the arm's foot is missed at most, pixels.
+        misfit: of all that was seen and measured, a sum of squares of standard deviations.
+        values: the numbers of the scene by their paths.
     """
 
-    total: float
-    base_px: float
+    misfit: float
+    values: dict[str, float]
 
 
-def measure_misfit(
+def try_evidence(
     task: FileTask,
     numbers: Numbers,
     evidence: Evidence,
+    fit: Fit,
     *,
-    solved: bool = True,
-) -> Misfit:
-    """Measure how badly all that was seen and measured fits.
+    solved: bool,
+) -> Trial:
+    """Measure how badly other evidence fits, from the fit or from the scene as it was written: what is better.
 
     Args:
         task: the scene as it was written.
         numbers: its numbers, with their marks.
-        evidence: what was seen where.
-        solved: after the fit; else before it, which is quick, and more.
+        evidence: what was seen where, supposedly.
+        fit: of what was seen in fact.
+        solved: whether it is fitted; else this is quick, and the misfit is larger.
     """
     problem = _Problem(task, numbers, evidence)
-    shifted = np.zeros(problem.size)
+    problem.pixel_px = fit.pixel_px
+    starts = [problem.find_start(fit), np.zeros(problem.size)]
+    start = min(starts, key=problem.measure_misfit)
     if solved and problem.unknowns:
-        shifted, _ = _solve(problem, shifted)
+        start, _ = _solve(problem, start)
 
-    total = float(np.sum(problem.miss(shifted) ** 2))
-    return Misfit(total, problem.measure_base(shifted))
+    values = problem.name(start[: len(problem.unknowns)])
+    return Trial(problem.measure_misfit(start), values)
 
 
 class _Problem:
@@ -184,10 +219,11 @@ class _Problem:
         self.pixel_px = PIXEL_PX
         self.seen = [s for s in sightings if s.body in names and s.photo in known]
         self._bases = [s for s in sightings if s.body == BASE and s.photo in known]
+        self._foot = np.array([evidence.foot])
         sighted = {sighting.body for sighting in self.seen}
         self._touching = Touching(scene, sighted)
         follow = (self._touching.names - sighted) | self._touching.sunk
-        self.unknowns = _find_unknowns(numbers, sighted, follow)
+        self.unknowns = _find_unknowns(numbers, evidence, follow)
         self.seen_values = sum(len(sighting.pixels) for sighting in self.seen)
         self.size = len(self.unknowns) + self.bundle.size
         self.most = np.full(self.size, _FAR_CAMERA)
@@ -205,6 +241,17 @@ class _Problem:
                 values[path] = self._numbers.values[path] + spread * by
 
         return values
+
+    def find_start(self, fit: Fit) -> Array:
+        """Find what a fit of the same photographs found, as a start (size,); what it lacks begins as it was written."""
+        start = np.zeros(self.size)
+        start[len(self.unknowns) :] = fit.cameras
+        for number, unknown in enumerate(self.unknowns):
+            path, spread = max(unknown.items(), key=lambda item: abs(item[1]))
+            if path in fit.values:
+                start[number] = (fit.values[path] - self._numbers.values[path]) / spread
+
+        return start.clip(-self.most, self.most)
 
     def keep_apart(self, shifted: Array) -> None:
         """Keep bodies apart that are near each other in a fit, and let what has lost its support rest again.
@@ -232,7 +279,12 @@ class _Problem:
         off = _soften(self._miss_sightings(points, views) / self.pixel_px)
         landmarks = self.bundle.miss(views, shifted[count:])
         bases = _soften(self._miss_bases(views) / BASE_PX)
+        self.count = len(off) + len(landmarks) + len(bases)
         return np.concatenate([off, apart / APART_M, landmarks, bases, shifted])
+
+    def measure_misfit(self, shifted: Array) -> float:
+        """Measure how badly all fits, a sum of squares of standard deviations."""
+        return float(np.sum(self.miss(shifted) ** 2))
 
     def slope(self, shifted: Array) -> Array:
         """Compute the slopes of `miss`, by differences: a scene is built for its own numbers only."""
@@ -256,7 +308,7 @@ class _Problem:
         """Compute by how many pixels the middle of the arm's foot is missed, where it is seen."""
         off = [np.zeros(0)]
         for sighting in self._bases:
-            drawn = views[sighting.photo - 1].project(np.zeros((1, 3)))
+            drawn = views[sighting.photo - 1].project(self._foot)
             off.append(subtract_pixels(drawn, sighting))
 
         return np.concatenate(off)
@@ -278,7 +330,7 @@ class _Problem:
 
     def _measure(self, shifted: bytes) -> tuple[list[Array], Array]:
         scene = self._task.with_numbers(self.name(np.frombuffer(shifted)))
-        points = [place_points(scene, sighting) for sighting in self.seen]
+        points = _place_all(scene, self.seen)
         return points, self._touching.measure(scene)
 
 
@@ -313,14 +365,14 @@ def _estimate_error(problem: _Problem, best: Array, slopes: Array) -> float:
 
 
 def _draw_benches(
-    problem: _Problem, best: Array, slopes: Array
+    problem: _Problem, best: Array, slopes: Array, spread: Array
 ) -> dict[str, list[float]]:
     """Draw benches from what fits, linearised about the best one; those in which bodies overlap are none.
 
-    What touches is brought together again: a turn lifts it by a second order.
+    ``spread`` (size, size) is a root of the covariance. What touches is brought together again: a turn lifts
+    it by a second order.
     """
     count = len(problem.unknowns)
-    spread = np.linalg.inv(np.linalg.cholesky(slopes.T @ slopes)).T
     # What hardly moves a gap would have to move far.
     back = np.linalg.pinv(problem.select_gaps(slopes), rcond=_LEAST)
     benches = {path: [value] for path, value in problem.name(best[:count]).items()}
@@ -395,23 +447,52 @@ def list_corners(body: Body) -> Array:
 
 def place_points(scene: Scene, sighting: Sighting) -> Array:
     """Return what was sighted, in the world: one point (1, 3), or all corners (N, 3) of a body in a box."""
-    body = scene[sighting.body]
+    (points,) = _place_all(scene, [sighting])
+    return points
+
+
+def _place_all(scene: Scene, sightings: Sequence[Sighting]) -> list[Array]:
+    """Return what was sighted, in the world (`place_points`)."""
+    boxes = dict[tuple[str, int | None], _Box]()
+    points = []
+    for sighting in sightings:
+        is_point = len(sighting.pixels) == 2
+        which = (sighting.body, sighting.part if is_point else None)
+        if which not in boxes:
+            boxes[which] = _find_box(scene[sighting.body], which[1])
+
+        box = boxes[which]
+        point = box.middle + np.array([sighting.point]) @ box.edges
+        points.append(point if is_point else box.corners)
+
+    return points
+
+
+class _Box(NamedTuple):
+    """The box of a body or part along its own axes, in the world: all corners (N, 3) of what is in it, its middle (3,),
+    and half of each of its edges, as rows (3, 3)."""
+
+    corners: Array
+    middle: Array
+    edges: Array
+
+
+def _find_box(body: Body, part: int | None) -> _Box:
     frame = body.pose
-    if len(sighting.pixels) == 4 or sighting.part is None:
-        corners = list_corners(body)
-    else:
+    corners = list_corners(body)
+    if part is not None:
         geoms = body.collisions or body.visuals
-        geom = geoms[sighting.part % len(geoms)]
+        geom = geoms[part % len(geoms)]
         frame = frame @ geom.pose
         corners = _find_corners(geom.shape)
 
-    if len(sighting.pixels) == 2:
-        low = corners.min(axis=0)
-        high = corners.max(axis=0)
-        point = (low + high) / 2 + np.array(sighting.point) * (high - low) / 2
-        corners = point[None]
-
-    return frame.apply(corners)
+    low = corners.min(axis=0)
+    high = corners.max(axis=0)
+    ends = (low + high) / 2 + np.concatenate(
+        [np.zeros((1, 3)), np.diag(high - low)]
+    ) / 2
+    middle, *others = frame.apply(ends)
+    return _Box(frame.apply(corners), middle, np.array(others) - middle)
 
 
 def measure_off(points: Array, sighting: Sighting, view: View) -> Array:
@@ -438,13 +519,16 @@ WHOLE = frozenset(("count", "counts", "pinned", "grid", "ring", "heap"))
 
 
 def _find_unknowns(
-    numbers: Numbers, sighted: set[str], follow: set[str]
+    numbers: Numbers, evidence: Evidence, follow: set[str]
 ) -> list[dict[str, float]]:
     """Find what is fitted: numbers of sighted bodies and marks that were seen, and places of what follows.
 
     Numbers that change together are in one mapping, with one standard deviation of each: boxes that are parts, and not
-    turned, become longer together along an axis.
+    turned, become longer together along an axis. A part whose both ends were seen has proportions of its own.
     """
+    sighted = evidence.sighted
+    ends = _find_ends(evidence.sightings)
+    groups = {path: group for group in evidence.freed for path in group}
     found = dict[str, dict[str, float]]()
     for path, mark in numbers.marks.items():
         _, name, *rest = path.split(".")
@@ -452,14 +536,18 @@ def _find_unknowns(
             continue
 
         follows = name in follow and rest[0] == "position" and mark != "told"
-        if not (follows or (name in sighted and mark == "seen")):
+        is_seen = name in sighted and mark == "seen"
+        if not (follows or is_seen or path in groups):
             continue
 
-        group = path
+        group = str(groups.get(path, path))
         spread = SIZE_SHARE * numbers.values[path]
         whole = rest[0] == "parts" and rest[2] in ("box", "position")
         if whole and f"bodies.{name}.parts.{rest[1]}.rpy_deg.yaw" not in numbers.values:
-            group = f"{name}.{rest[-1]}"
+            if (name, int(rest[1]), rest[-1]) not in ends and path not in groups:
+                group = f"{name}.{rest[-1]}"
+        elif path in groups:
+            spread = numbers.values[path]
         elif "position" in rest:
             spread = PLACE_M
         elif "rpy_deg" in rest:
@@ -467,4 +555,19 @@ def _find_unknowns(
 
         found.setdefault(group, {})[path] = spread
 
-    return list(found.values())
+    return [unknown for unknown in found.values() if any(unknown.values())]
+
+
+def _find_ends(sightings: Sequence[Sighting]) -> set[tuple[str, int, str]]:
+    """Find the parts of which points at both ends of an axis were seen: body, number of the part, and axis."""
+    sides = dict[tuple[str, int, str], set[bool]]()
+    for sighting in sightings:
+        if sighting.part is None or len(sighting.pixels) != 2:
+            continue
+
+        for axis, value in zip("xyz", sighting.point, strict=True):
+            if value:
+                key = (sighting.body, sighting.part, axis)
+                sides.setdefault(key, set()).add(value > 0)
+
+    return {key for key, seen in sides.items() if len(seen) == 2}

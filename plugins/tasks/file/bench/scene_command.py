@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import difflib
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 from omegaconf import DictConfig, OmegaConf
 from pydantic import TypeAdapter, ValidationError
@@ -25,7 +27,11 @@ from plugins.tasks.file.bench.bench_page import draw_page
 from plugins.tasks.file.bench.board import FAR_M, find_by_board, print_board
 from plugins.tasks.file.bench.checks import find_needed
 from plugins.tasks.file.bench.drafts import PACKAGE, Draft
-from plugins.tasks.file.bench.findings import describe_fit
+from plugins.tasks.file.bench.findings import (
+    Verdict,
+    describe_fit,
+    judge_numbers,
+)
 from plugins.tasks.file.bench.photographs import read_photographs
 from plugins.tasks.file.bench.scene_replies import LONGEST
 from plugins.tasks.file.bench.views import CameraError
@@ -37,9 +43,13 @@ USAGE = (
     "[tries=3] [output=FILE.yaml], or print_board=board.pdf"
 )
 _KNOWN = TypeAdapter(dict[str, float | tuple[float, float, float]])
-_LENGTH = re.compile(
-    r"(height|width|length|depth|radius|diameter|wall|thickness|size|[xyz])$"
-)
+_LONGEST = {
+    re.compile(r"(radius|diameter|wall|thickness)$"): 0.5,
+    re.compile(r"(height|width|length|depth|size)$"): 2.0,
+    re.compile(r"[xyz]$"): FAR_M,
+}
+"""By what a name ends with: the longest that one measures on a bench, m."""
+
 _SETTING = re.compile(r"-|[+~]?[\w./@]+=")
 
 
@@ -106,10 +116,11 @@ def main(words: list[str]) -> None:
     draft = Draft(
         output.with_suffix(".draft.yaml"),
         photographs,
-        _read_known("".join(known)),
+        read_known("".join(known)),
         part(ROBOT, cfg.robot).create(),
         cfg.fov_deg,
         board=tuple(cfg.board),
+        marker_mm=cfg.board_marker_mm,
     )
     if given:
         draft.text = read_text(output, cfg.output)
@@ -127,19 +138,17 @@ def main(words: list[str]) -> None:
             f"{draft.file} is not sound yet; mend it by hand, or say more in the sentence:{faults}"
         )
 
-    guesses = () if given else sorted(draft.guesses)
-    needed = find_needed(draft.read())
-    if needed.intersection(guesses) and not cfg.accept_guesses:
+    verdicts = judge_numbers(draft)
+    guesses = {v.name for v in verdicts if v.source == "guessed" and v.kind == "place"}
+    missing = sorted(find_needed(draft.read()) & guesses)
+    if missing and photographs and not given and not cfg.accept_guesses:
         write_bytes(draft.file, draft.text.encode())
-        names = ", ".join(sorted(needed.intersection(guesses)))
         raise UserError(
-            f"{draft.file}: where {names} stands is the model's guess, since no photograph whose camera is known shows "
-            "it; take one with the board in it (board=[x,y,yaw_deg]), or go on with accept_guesses=true"
+            f"{draft.file}: where {', '.join(missing)} stands is the model's guess, since no photograph whose camera "
+            "is known shows it; take one with the board in it (board=[x,y,yaw_deg]), or go on with accept_guesses=true"
         )
 
-    _write(cfg, draft)
-    if guesses:
-        say(f"the model's guess, which no photograph fixes: {', '.join(guesses)}")
+    _write(cfg, draft, verdicts)
     if before:
         changes = difflib.ndiff(before, draft.text.splitlines())
         say(*[line for line in changes if line[0] in "+-"])
@@ -187,7 +196,7 @@ def _read_error(given: Any) -> CameraError:
         ) from error
 
 
-def _read_known(word: str) -> dict[str, Any]:
+def read_known(word: str) -> dict[str, Any]:
     """Read what a person knows, by any names; Hydra would take a name with a point apart."""
     text = word.removeprefix("known=") or "{}"
     try:
@@ -199,18 +208,20 @@ def _read_known(word: str) -> dict[str, Any]:
         ) from error
 
     for name, value in known.items():
-        metres = [abs(x) for x in value] if isinstance(value, tuple) else [abs(value)]
-        is_length = isinstance(value, tuple) or _LENGTH.search(name)
-        if is_length and max(metres) > FAR_M:
+        far = float(np.abs(value).max())
+        limits = [most for ends, most in _LONGEST.items() if ends.search(name)]
+        if isinstance(value, tuple):
+            limits = [FAR_M]
+        if far > min(limits, default=far):
             raise UsageError(
-                f"known={{{name}: ...}} is in metres, and has {max(metres):g}; of millimetres that is "
-                f"{max(metres) / 1000:g}, of centimetres {max(metres) / 100:g}"
+                f"known={{{name}: ...}} is in metres, and has {far:g}; of millimetres that is {far / 1000:g}, of "
+                f"centimetres {far / 100:g}; leave out what is longer in fact"
             )
 
     return known
 
 
-def _write(cfg: DictConfig, draft: Draft) -> None:
+def _write(cfg: DictConfig, draft: Draft, verdicts: Sequence[Verdict]) -> None:
     """Write the file, its photographs and its page, and say what was understood."""
     output = expand(cfg.output)
     unsaid = [f"not said: {clean(text, LONGEST)}" for text in draft.beside.unsaid]
@@ -226,10 +237,11 @@ def _write(cfg: DictConfig, draft: Draft) -> None:
     words = [*task.reward_in_words(), *unsaid]
     simulator = part(SIMULATOR, cfg.sim).create()
     sightings = draft.beside.sightings
-    page = draw_page(task, draft.fitted, sightings, simulator, words)
+    page = draw_page(task, draft.fitted, sightings, simulator, words, verdicts)
     write_bytes(output.with_suffix(".html"), page.encode())
     say(
         *words,
         *describe_fit(draft.photographs, draft.fit),
+        *fill(PACKAGE, "verdicts", verdicts=verdicts).splitlines(),
         *fill(PACKAGE, "done", file=cfg.output, task=task, draft=draft).splitlines(),
     )

@@ -10,7 +10,7 @@ import pytest
 
 from core.interfaces import Picture
 from core.scene import Camera
-from plugins.tasks.file.bench.drafts import Draft
+from plugins.tasks.file.bench.drafts import BenchMistake, Draft
 from plugins.tasks.file.bench.findings import describe_fit
 from plugins.tasks.file.bench.fitting import measure_off, place_points
 from plugins.tasks.file.bench.photographs import Photograph
@@ -61,7 +61,7 @@ goals:
 """
 
 
-def examine_ball(folder, x, z, channel=CHANNEL):
+def examine_ball(folder, x, z, channel=CHANNEL, radius=0.023):
     """Examine a channel that was measured and a ball in it whose place was said to be (x, -0.1, z)."""
     true = folder / "true.yaml"
     true.write_text(channel.format(radius=0.02, x=0.71, z=0.0261))
@@ -76,7 +76,7 @@ def examine_ball(folder, x, z, channel=CHANNEL):
     error = CameraError(place_m=0.001, turn_deg=0.1, fov_deg=0.1, bend=0.001)
     photographs = [Photograph(Picture(b""), SIZE, view, error=error) for view in views]
     robot = on_panda(true_task("BringCube")).robot
-    text = channel.format(radius=0.023, x=x, z=z)
+    text = channel.format(radius=radius, x=x, z=z)
     draft = Draft(folder / "scene.yaml", photographs, {}, robot, None, text)
     draft.beside = Beside(sightings=tuple(sightings))
     draft.examine()
@@ -124,6 +124,64 @@ def test_what_a_person_measured_stays_where_it_is_wrong(tmp_path):
     marked = marked.replace("{radius}  # seen", "{radius}  # told")
     draft = examine_ball(tmp_path, 0.7, 0.0251, marked)
     assert any("channel and ball overlap by 4 mm" in line for line in draft.faults)
+
+
+def test_a_told_size_that_photographs_contradict_is_named(tmp_path):
+    marked = CHANNEL.replace("{radius}  # seen", "{radius}  # told")
+    words = r"ball\.sphere is told as 0\.03, and the photographs show 0\.0(2|19)"
+    with pytest.raises(BenchMistake, match=words):
+        examine_ball(tmp_path, 0.7, 0.036, marked, radius=0.03)
+
+    assert examine_ball(tmp_path, 0.7, 0.026, marked, radius=0.02).faults == []
+
+
+STAND = """
+name: Stand
+description: A post stands on a plate. Leave it there.
+bodies:
+  - name: stand
+    position: [0.7, 0, 0]  # told
+    mass: 1  # assumed
+    parts:
+      - {{box: [{plate}, 0.1, 0.02], position: [0, 0, 0.01]}}  # seen, told, told, told
+      - {{box: [{post}, 0.05, 0.1], position: [0, 0, 0.07]}}  # seen, told, told, told
+goals:
+  - {{bodies: [stand], place: [0.6, 0, null], tolerance: 0.02}}
+"""
+
+
+@pytest.mark.parametrize("both", [True, False])
+def test_a_part_that_is_seen_at_both_ends_has_proportions_of_its_own(tmp_path, both):
+    file = tmp_path / "scene.yaml"
+    file.write_text(STAND.format(plate=0.14, post=0.03))
+    scene = FileTask(str(file)).scene(0)
+    sightings = []
+    views = [View(camera, SIZE) for camera in MEASURED]
+    for number, view in enumerate(views, 1):
+        for part in (0, 1) if both else (0,):
+            for x, y in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
+                blank = Sighting(
+                    body="stand",
+                    photo=number,
+                    pixels=(0, 0),
+                    point=(x, y, 1),
+                    part=part,
+                )
+                off = measure_off(place_points(scene, blank), blank, view)
+                sightings.append(
+                    blank.model_copy(update={"pixels": tuple(off.tolist())})
+                )
+
+    photographs = [Photograph(Picture(b""), SIZE, view) for view in views]
+    robot = on_panda(true_task("BringCube")).robot
+    text = STAND.format(plate=0.12, post=0.04)
+    draft = Draft(file, photographs, {}, robot, None, text)
+    draft.beside = Beside(sightings=tuple(sightings))
+    draft.examine()
+    sizes = [draft.fit.values[f"bodies.stand.parts.{part}.box.x"] for part in (0, 1)]
+    assert sizes[0] == pytest.approx(0.14, abs=0.003)
+    # What was not seen keeps what was said of it.
+    assert sizes[1] == pytest.approx(0.03 if both else 0.04, abs=0.003)
 
 
 @pytest.mark.thorough

@@ -12,7 +12,8 @@ from core.interfaces import Picture
 from core.scene import Camera
 from plugins.tasks.file.bench.board import find_by_board
 from plugins.tasks.file.bench.drafts import BenchMistake, Draft
-from plugins.tasks.file.bench.photographs import Photograph
+from plugins.tasks.file.bench.findings import judge_numbers
+from plugins.tasks.file.bench.photographs import Photograph, read_photographs
 from plugins.tasks.file.bench.scene_command import main
 from plugins.tasks.file.bench.scene_replies import Sighting, read_reply
 from plugins.tasks.file.bench.views import Landmarks, View
@@ -149,6 +150,50 @@ def test_a_board_that_lies_as_was_said_raises_no_alarm(tmp_path):
 
 
 @pytest.mark.thorough
+def test_photographs_of_two_benches_are_named(tmp_path):
+    def mix(sighting):
+        if sighting.photo == 1 or sighting.body == "robot_base":
+            return sighting
+
+        # All of the bench lies elsewhere, each body in another direction.
+        shift = 120 if len(sighting.body) % 2 else -150
+        pixels = [None if x is None else x + shift for x in sighting.pixels]
+        return sighting.model_copy(update={"pixels": tuple(pixels)})
+
+    with pytest.raises(BenchMistake, match="photo2 shows another bench than photo1"):
+        draft_of(tmp_path, "OneBook", photographs_of(views_of("OneBook")), mix)
+
+
+def test_a_body_that_is_marked_as_seen_needs_a_sighting(tmp_path):
+    draft = Draft(
+        tmp_path / "scene.yaml", photographs_of(views_of("LiftBox")), {}, None, None
+    )
+    before = draft.read_numbers()
+    text = (HERE / "replies/LiftBox.md").read_text()
+    draft.text, draft.beside = read_reply(draft.file, text)
+    assert list(draft.find_unsighted(before)) == []
+
+    elsewhere = [s for s in draft.beside.sightings if s.body != "carton"]
+    draft.beside = draft.beside.model_copy(update={"sightings": tuple(elsewhere)})
+    (line,) = draft.find_unsighted(before)
+    assert "carton is marked # seen, and no sighting says where" in line
+    # What stood in the file before was seen before.
+    assert list(draft.find_unsighted(draft.read_numbers())) == []
+
+
+def test_a_mirrored_photograph_of_the_board_is_named(tmp_path):
+    cv2 = pytest.importorskip("cv2")
+    main([f"print_board={tmp_path}/board.png"])
+    sheet = cv2.imread(f"{tmp_path}/board.png")
+    cv2.imwrite(
+        f"{tmp_path}/photo.png", cv2.resize(sheet, None, fx=0.3, fy=0.3)[:, ::-1]
+    )
+    photographs = read_photographs([f"{tmp_path}/photo.png"], [])
+    with pytest.raises(UsageError, match="photo1 is mirrored"):
+        find_by_board(photographs, (0.5, -0.2, 90), 52.0)
+
+
+@pytest.mark.thorough
 def test_a_photograph_without_a_board_is_placed_by_what_it_shares(tmp_path):
     pytest.importorskip("cv2")
     first, second = photographs_of(views_of("LiftBox"))
@@ -162,9 +207,16 @@ def test_a_photograph_without_a_board_is_placed_by_what_it_shares(tmp_path):
 def test_what_no_known_camera_shows_is_a_guess(tmp_path):
     name = "LiftBox"
     bare = [Photograph(photo.picture, SIZE) for photo in photographs_of(views_of(name))]
-    assert "carton" in draft_of(tmp_path, name, bare).guesses
-    known = photographs_of(views_of(name))
-    assert draft_of(tmp_path, name, known).guesses == set()
+    guessed = {
+        verdict.name
+        for verdict in judge_numbers(draft_of(tmp_path, name, bare))
+        if verdict.source == "guessed"
+    }
+    assert "carton" in guessed
+    known = judge_numbers(draft_of(tmp_path, name, photographs_of(views_of(name))))
+    places = [verdict for verdict in known if verdict.kind == "place"]
+    assert {verdict.source for verdict in places} <= {"measured", "assumed"}
+    assert all(verdict.photos for verdict in places if verdict.source == "measured")
 
 
 @pytest.mark.parametrize(
@@ -173,6 +225,8 @@ def test_what_no_known_camera_shows_is_a_guess(tmp_path):
         ("board=[46,27,-20]", r"board=\[0\.46,0\.27,-20\]"),
         ("board=[460,270,-20]", r"board=\[46?0?.*\]"),
         ("known={mug.height: 95}", r"0\.095"),
+        ("known={ball.radius: 2.4}", r"of centimetres 0\.024"),
+        ("known={jar.height: 9.5}", r"of centimetres 0\.095"),
     ],
 )
 def test_lengths_of_another_unit_are_refused_with_the_words_to_type(
