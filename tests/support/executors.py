@@ -32,11 +32,16 @@ class Inline(Executor):
         pass
 
 
-@pytest.fixture
-def inline(monkeypatch):
+def evaluate_here(monkeypatch):
     """Let ``executor=local`` evaluate in this process, which starts none."""
     monkeypatch.setattr(
         LocalExecutor,
         "map",
         lambda self, function, chunks: Inline().map(function, chunks),
     )
+
+
+@pytest.fixture
+def inline(monkeypatch):
+    """Evaluate in this process for a test; what lasts longer calls `evaluate_here`."""
+    evaluate_here(monkeypatch)

@@ -15,6 +15,7 @@ from plugins.results.transfer import configured as transfer_settings
 from plugins.results.transfer import transfer
 from plugins.results.workshop.export_command import configured, export
 from tests.support import toys
+from tests.support.executors import evaluate_here
 from tests.support.rare import rare
 from tests.support.runs import assert_same_run
 
@@ -42,13 +43,16 @@ def found(tmp_path_factory):
         *sizes,
         "budget.reward_save=0",
         "rollout.hold_s=0.2",
-        "executor.workers=1",
         "film=false",
     ]
     of = f"task.of=[{','.join(NAMES)}]"
-    result = Experiment(
+    experiment = Experiment(
         "task=multitask", of, *words, sim="mujoco", listener=["rerun"]
-    ).run(folder)
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        evaluate_here(patch)
+        result = experiment.run(folder)
+
     return folder, result
 
 

@@ -39,6 +39,7 @@ def test_an_outside_arm_conforms(check, words):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("inline")
 @pytest.mark.parametrize("sim", rare(["mujoco", "pybullet", "sapien"], "mujoco"))
 def test_it_performs_the_reference_solution(words, sim):
     designs = f"designs={ROOT}/tests/tasks/solutions/BringCube.json"
