@@ -204,6 +204,11 @@ class Brief:
     curves: int = 0  # designs of a curve that a design may ask for
     alone: bool = False  # nobody else is asked, and what comes of an answer is told
 
+    @property
+    def closes(self) -> bool:
+        """Whether waypoints have a grip: of the fingers, or for what a tool grips with."""
+        return self.gripper or self.representation.grips
+
 
 Purpose = Literal["designs", "repairs", "critiques", "lessons", "scenes"]
 """What a model is asked for: designs, once more for those that break a rule, what fails in an elite, what a run taught,
@@ -290,6 +295,7 @@ class ToolRepresentation(Variable[Tool], ABC):
     )
     # What a component may be: box, cylinder, capsule, sphere.
     shapes: tuple[str, ...] = ("box",)
+    grips: bool = False  # whether components may hold on to what they touch
     material: Material = PAPER  # the program makes it for one, and weighs by it what `parse` and `given` return
     printer: Printer = MK4  # by which tools are made
 

@@ -103,6 +103,10 @@ class Body:
     carrier: str | None = None
     # The normal force of another thing, N, above which it breaks; 0: it never does.
     breaks_n: float = 0.0
+    # What tools can hold it by, see `core.values.grips`.
+    smooth: bool = False
+    magnetic: bool = False
+    loops: bool = False
 
     def __post_init__(self) -> None:
         parts = chain.from_iterable(part.convex_parts() for part in self.collisions)
@@ -156,6 +160,12 @@ class Body:
     @property
     def fixed(self) -> bool:
         return self.mass == 0
+
+    @property
+    def surface(self) -> tuple[str, ...]:
+        """What tools can hold it by, in words."""
+        words = {"smooth": self.smooth, "magnetic": self.magnetic, "looped": self.loops}
+        return tuple(word for word, holds in words.items() if holds)
 
     @property
     def collides(self) -> bool:

@@ -267,8 +267,9 @@ def _read_design(
             action_description=read_words(fields, "action_description"),
         )
         base = _read_tool(fields, base, representation, task, gripper, start)
+        closes = gripper or representation.grips
         actions = actions or named_actions(fields)
-        plans = _read_action_sets(fields, actions, gripper)
+        plans = _read_action_sets(fields, actions, closes)
     except DesignError as error:
         if base.problem is None:
             base = replace(base, problem=str(error), refusals=error.refusals)
@@ -277,7 +278,9 @@ def _read_design(
         return
 
     for action, raw in enumerate(plans):
-        yield _read_plan(raw, replace(base, action=action), actions, gripper)
+        # Poses alone leave off what is switched.
+        switches = gripper or (closes and not _is_bare(raw))
+        yield _read_plan(raw, replace(base, action=action), actions, switches)
 
 
 def _read_tool(
@@ -315,7 +318,7 @@ def _read_plan(
         raw: the plan as it is written, or why it can't be read.
         base: the candidate without its plan.
         actions: reads the plan.
-        gripper: whether the tool needs the gripper.
+        gripper: whether plans close the tool's gripper, or switch a grip.
     """
     try:
         if isinstance(raw, DesignError):
@@ -325,6 +328,13 @@ def _read_plan(
         faults = filter(None, (base.problem, f"action plan {base.action + 1}: {error}"))
         refusals = (*base.refusals, *error.refusals)
         return replace(base, problem="; ".join(faults), refusals=refusals)
+
+
+def _is_bare(raw: object) -> bool:
+    """Report whether a plan is a list of poses alone: of six numbers each."""
+    return isinstance(raw, list) and all(
+        isinstance(row, list) and len(row) == 6 for row in raw
+    )
 
 
 def _read_parents(design: object, elites: tuple[str, ...]) -> tuple[str, ...]:

@@ -40,7 +40,7 @@ def answer_schema(brief: Brief) -> dict[str, Any]:
         design[FIXTURE] = {"anyOf": [{"type": "null"}, fixture]}
 
     if brief.n_action:
-        plan = brief.actions.schema(gripper=brief.gripper)
+        plan = brief.actions.schema(gripper=brief.closes)
         design["action_description"] = _TEXT
         most = None if brief.alone else brief.n_action
         design["action_sets"] = _list(plan, brief.n_action, most)

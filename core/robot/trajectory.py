@@ -112,7 +112,7 @@ def plan_motion(
         )
         legs.append(leg)
 
-    trajectory, reached = _join_legs(legs, arm, speed)
+    trajectory, reached = _join_legs(legs, arm, speed, plan.closes)
     steps = step_lengths(arm.positions(knots))
 
     # Errors before the first waypoint do no harm.
@@ -153,7 +153,7 @@ def _ask_seconds(tempo: Tempo, positions: Array) -> Array:
 
 
 def _join_legs(
-    legs: Sequence[Leg], arm: Arm, speed: float
+    legs: Sequence[Leg], arm: Arm, speed: float, closes: bool
 ) -> tuple[JointTrajectory, Array]:
     """Time legs, and join them to a trajectory.
 
@@ -161,11 +161,12 @@ def _join_legs(
         legs: one after the other, of N waypoints in all.
         arm: gives the limits.
         speed: the share of them to use.
+        closes: whether the waypoints say so of fingers, or of what a pump's switch stands for.
 
     Returns:
         The trajectory, and when each waypoint is reached (N,), seconds.
     """
-    opening = arm.robot.opening_m
+    opening = arm.robot.opening_m or float(closes)
     begun = 0.0
     times = [np.zeros(1)]
     joints = [legs[0].knots[:1]]

@@ -38,7 +38,7 @@ USUAL_HZ = 400.0
 _LISTED = 4  # names of what needs something
 
 # Another plan or tool does without them, so they are the candidate's fault, not the setting's.
-_OF_DESIGNS = (Ability.GUARDS, Ability.LOOKS, Ability.TOOL_JOINTS)
+_OF_DESIGNS = (Ability.GUARDS, Ability.LOOKS, Ability.TOOL_JOINTS, Ability.GRIPS)
 
 
 def list_needs(scene: Scene, job: Rollout) -> Iterator[tuple[Ability, Sequence[str]]]:
@@ -51,6 +51,9 @@ def list_needs(scene: Scene, job: Rollout) -> Iterator[tuple[Ability, Sequence[s
 
     if job.tool.bearers:
         yield Ability.TOOL_JOINTS, [bearer.name for bearer in job.tool.bearers]
+
+    if job.tool.gripping:
+        yield Ability.GRIPS, [component.name for component in job.tool.gripping]
 
     yield from list_scene_needs(scene)
 

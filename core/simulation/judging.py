@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from core.solids.record_rate import is_finite
 from core.support.text import number, shorten
 from core.task import margins_of, reward_of
 from core.trial import NOTHING, Trial
+from core.values.margins import least_first
 
 _WARNINGS = 10  # findings of a rollout that are listed
 
@@ -92,12 +94,13 @@ def _make_trial(stage: Stage, attempt: Attempt) -> Trial:
     end = scene.complete(outcome.end)
     trace = None
     if task.reads_trace and attempt.contacts is not None:
-        trace = make_trace(scene, attempt.contacts)
+        trace = make_trace(scene, attempt.contacts, outcome.gripped)
 
     world = (start, end, trace)
     reward = _compute_reward(task, *world)
     shifts = np.linalg.norm(end.positions - start.positions, axis=-1).tolist()
 
+    held = chain.from_iterable(entry.margins for entry in outcome.gripped)
     texts = [finding.text for finding in attempt.findings]
     if len(texts) > _WARNINGS:
         texts[_WARNINGS:] = [f"{len(texts) - _WARNINGS} more such findings"]
@@ -113,9 +116,10 @@ def _make_trial(stage: Stage, attempt: Attempt) -> Trial:
             *attempt.warnings,
             *motion.slowdowns(),
             *outcome.warnings,
+            *(str(entry) for entry in outcome.gripped if entry.failed),
             *texts,
         ),
-        margins=margins_of(task, *world, reward),
+        margins=least_first((*margins_of(task, *world, reward), *held)),
         goals=goals_shares(task, *world),
         measured=measure(task, motion, outcome),
         torques=arm_of(task.robot).share_torques(outcome.torques),

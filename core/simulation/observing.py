@@ -140,6 +140,7 @@ def observe(task: Task, attempt: Attempt, trial: Trial) -> Observation:
         arrivals=_round_all(motion.arrivals, 2),
         felt=tuple(map(str, outcome.felt)),
         looked=tuple(map(str, outcome.looked)),
+        gripped=tuple(map(str, outcome.gripped)),
         crux=crux,
         instants=_round_all(taken.times[samples], 2),
         paths=paths,

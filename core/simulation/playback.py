@@ -29,6 +29,7 @@ from core.interfaces import (
     Worlds,
 )
 from core.scene import State
+from core.values.grips import Gripped
 from core.values.jobs import FEEL_S
 
 MEASURE_EVERY = 10  # steps between two measurements of the arm's lag and torques
@@ -379,6 +380,7 @@ class Player:
             recording=recording,
             felt=reactions.felt if reactions else (),
             looked=reactions.looked if reactions else (),
+            gripped=worlds.grips(number),
             torques=np.max(self._torques, axis=0) if self._torques else None,
             time_step=schedule.time_step,
             begins_s=self._begins_s,
@@ -427,6 +429,9 @@ class Alone(Worlds):
 
     def loads(self, number: int, notes: Sequence[Any]) -> Mapping[str, Array]:
         return self._world.loads(notes)
+
+    def grips(self, number: int) -> tuple[Gripped, ...]:
+        return self._world.grips()
 
     def save(self) -> Any:
         return self._world.save()

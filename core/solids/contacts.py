@@ -22,6 +22,7 @@ from core.solids.near_pairs import Flags, may_meet, neighbours
 from core.solids.record_rate import coarse_samples, largest_since, subset
 from core.solids.rollout_solids import ROBOT
 from core.solids.tracks import Indices, Pair, Track, Tracks, follow, lengths
+from core.values.grips import Gripped
 from core.values.traces import TRACE_HZ
 
 TOUCH_M = 0.0005  # the largest gap of a contact
@@ -346,7 +347,9 @@ def _extents(track: Track) -> Array:
     return np.abs(track.rotations) @ track.box
 
 
-def make_trace(scene: Scene, contacts: Contacts) -> Trace:
+def make_trace(
+    scene: Scene, contacts: Contacts, gripped: Sequence[Gripped] = ()
+) -> Trace:
     """Make the trace of a rollout.
 
     What the robot touched and pressed before its motion began counts at 0, and between two instants at the nearest. A
@@ -355,6 +358,7 @@ def make_trace(scene: Scene, contacts: Contacts) -> Trace:
     Args:
         scene: that it began in.
         contacts: of the rollout.
+        gripped: what the tool's grips did.
     """
     taken = contacts.taken
     count = math.ceil(taken.times[-1] * TRACE_HZ - 1e-6) + 1
@@ -392,6 +396,7 @@ def make_trace(scene: Scene, contacts: Contacts) -> Trace:
         forces if measured else None,
         clearances,
         peaks if measured else None,
+        gripped=_note_grips(gripped, instants),
     )
     if not measured:
         return trace
@@ -404,6 +409,20 @@ def make_trace(scene: Scene, contacts: Contacts) -> Trace:
             strains[name] = loads[name] / most
 
     return replace(trace, strains=strains)
+
+
+def _note_grips(
+    gripped: Sequence[Gripped], instants: Array
+) -> dict[tuple[str, str], Flags]:
+    """Say at which instants (N,) which component held which body."""
+    found: dict[tuple[str, str], Flags] = {}
+    for entry in gripped:
+        if entry.hardest is not None:
+            key = (entry.component, entry.body)
+            held = entry.holds(instants)
+            found[key] = found.get(key, np.zeros_like(held)) | held
+
+    return found
 
 
 class _Clock:

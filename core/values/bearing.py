@@ -47,7 +47,7 @@ class Edge(NamedTuple):
 
 
 class Support:
-    """Who touches, is joined to, bonded to or pinned to whom, and what follows: who is held, let go, or borne by whom.
+    """Who touches, grips, is joined, bonded or pinned to whom, and what follows: who is held, let go, or borne.
 
     It is a graph. Its vertices are the bodies that can move, the robot, and what is fixed; its edges come and go with
     the instants of a trace. Chains lead through bodies that can move, never through the robot or what is fixed.
@@ -57,6 +57,7 @@ class Support:
         touching: see `Trace`.
         forces: likewise; None: nothing measured them.
         strains: likewise; those of bonds count.
+        gripped: likewise.
     """
 
     def __init__(
@@ -65,11 +66,16 @@ class Support:
         touching: Touching,
         forces: Forces | None,
         strains: Mapping[str, Array],
+        gripped: Mapping[tuple[str, str], Flags],
     ) -> None:
         self._states = states
         self._forces = forces or {}
         self._always = np.ones(states.positions.shape[:-2], dtype=bool)
         self.edges = (*self._list_touches(touching), *self._list_ties(strains))
+        self.edges += tuple(
+            Edge(body, component, "hangs from", flags, ROBOT)
+            for (component, body), flags in gripped.items()
+        )
 
     def linked(self, body: str) -> Flags:
         """Report at which instants (..., T) the robot reaches a body: touches it, or what is connected to it."""

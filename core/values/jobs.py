@@ -18,6 +18,7 @@ import numpy.typing as npt
 from core.errors import UsageError, check_positive, choices
 from core.geometry import Array
 from core.support.text import list_some
+from core.values.grips import Gripped
 from core.values.harmless import Harmless
 from core.values.motions import JointTrajectory, Motion
 from core.values.states import State
@@ -143,6 +144,7 @@ class Ability(StrEnum):
     SOFT_BODIES = "soft bodies"
     FORCES = "forces of contacts"
     BONDS = "bonds that break"
+    GRIPS = "tools that hold on to what they touch"
     LIGHT_BODIES = "bodies lighter than 0.2 g"
     FINE_STEPS = "steps so fine that small things don't fall through thin ones"
     # No job needs these: without, trials do not say torques, and are played from the start.
@@ -303,7 +305,8 @@ class Outcome:
     """The result of a rollout: the states of its world after settling and at the end.
 
     ``tracking_error_rad`` is the largest lag of an arm joint behind its target. ``error`` says why the rollout failed;
-    then the states are None. ``felt``: how guards ended. ``looked``: what looks found out. ``torques`` (J,): the
+    then the states are None. ``felt``: how guards ended. ``looked``: what looks found out. ``gripped``: what
+    the tool's grips held. ``torques`` (J,): the
     greatest that the arm's motors applied in a step of the motion, N m; None: the engine does not say. ``time_step``:
     of the engine, seconds; 0: it does not say. ``begins_s``: from when on it was played, seconds of the motion; until
     then it is that of a `Checkpoint`.
@@ -317,6 +320,7 @@ class Outcome:
     warnings: tuple[str, ...] = ()
     felt: tuple[Felt, ...] = ()
     looked: tuple[Looked, ...] = ()
+    gripped: tuple[Gripped, ...] = ()
 
     torques: Array | None = None
     time_step: float = 0.0
@@ -528,6 +532,10 @@ class World(ABC):
         """Return ``loads`` of a `Recording`, from its snapshots; none where the world has no bonds."""
         return {}
 
+    def grips(self) -> tuple[Gripped, ...]:
+        """Return what the tool's grips did; none where it has none."""
+        return ()
+
     def note_torques(self) -> Any:
         """Take a snapshot of what the arm's motors applied in the last step; it is taken right after a `note`.
 
@@ -583,6 +591,10 @@ class Worlds(ABC):
     def loads(self, number: int, notes: Sequence[Any]) -> Mapping[str, Array]:
         """Return the largest forces on the bonds of one of the worlds."""
         return {}
+
+    def grips(self, number: int) -> tuple[Gripped, ...]:
+        """Return what the grips of the tool in one of the worlds did."""
+        return ()
 
     def save(self) -> Any:
         """Return how the worlds are now."""

@@ -127,6 +127,7 @@ class Observation:
         arrivals: when each waypoint is reached.
         felt: how each guard of the plan ended, in words.
         looked: what each look of the plan found out, in words.
+        gripped: what the tool's grips held, and why they did not, in words.
         crux: the body that it turned on; None: there is none.
         instants: of the places in ``paths``: around the last touch of that body.
         paths: the places of some bodies that moved: first those of ``left``, then the goal's others.
@@ -149,6 +150,7 @@ class Observation:
     arrivals: tuple[float, ...] = ()
     felt: tuple[str, ...] = ()
     looked: tuple[str, ...] = ()
+    gripped: tuple[str, ...] = ()
     crux: Crux | None = None
     instants: tuple[float, ...] = ()
     paths: Mapping[str, tuple[Point, ...]] = field(default_factory=dict)

@@ -211,8 +211,8 @@ class Waypoints(ActionPlan):
     """Literal waypoints: the plan that looks at nothing.
 
     ``poses`` are (N, 6): x, y, z, roll, pitch, yaw of the mount's frame in the world; or (N, 7) with the gripper, 0
-    open to 1 closed. Without a ``tempo`` the arm rests at each. ``guards`` has one for each, or none at all. ``looks``
-    are those that were taken, and the next one, which ends the waypoints.
+    open to 1 closed, or with suction, 0 off to 1 on. Without a ``tempo`` the arm rests at each. ``guards`` has one for
+    each, or none at all. ``looks`` are those that were taken, and the next one, which ends the waypoints.
     """
 
     action: ClassVar[str] = "waypoints"
@@ -231,11 +231,14 @@ class Waypoints(ActionPlan):
         return isinstance(other, Waypoints) and self.content == other.content
 
     @property
+    def closes(self) -> bool:
+        """Whether it closes and opens the gripper, or switches grips on and off."""
+        return self.poses.shape[1] == 7
+
+    @property
     def grips(self) -> Array:
         """How far the gripper is closed at each, (N,); 0 for plans without it."""
-        return (
-            self.poses[:, 6] if self.poses.shape[1] == 7 else np.zeros(len(self.poses))
-        )
+        return self.poses[:, 6] if self.closes else np.zeros(len(self.poses))
 
     @property
     def turns(self) -> Array:

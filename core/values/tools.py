@@ -11,6 +11,7 @@ import numpy as np
 from core.errors import CodedError
 from core.geometry import Array, Color, Pose, Shape, Triple
 from core.values.contents import content_of, digest
+from core.values.grips import Grip
 from core.values.refusals import DesignReason
 
 RIGID_MOUNT = "tool_mount"
@@ -91,7 +92,8 @@ class ToolJoint:
 class Component:
     """One solid of a tool, its pose given in the frame of its parent: another component, or a mount link of the robot.
 
-    A `Mesh` is closed and convex. With a ``joint`` it moves against its parent, and bears its own children.
+    A `Mesh` is closed and convex. With a ``joint`` it moves against its parent, and bears its own children. A face of
+    one that ``grips`` holds what it touches.
     """
 
     name: str
@@ -101,6 +103,7 @@ class Component:
     mass: float = 0.005
     color: Color = (0.2, 0.45, 0.8, 1.0)
     joint: ToolJoint | None = None
+    grips: Grip | None = None
 
     @property
     def link(self) -> Pose:
@@ -176,6 +179,11 @@ class Tool:
     @property
     def mass(self) -> float:
         return sum(component.mass for component in self.components)
+
+    @property
+    def gripping(self) -> tuple[Component, ...]:
+        """The components that grip."""
+        return tuple(c for c in self.components if c.grips is not None)
 
     @cached_property
     def content(self) -> str:

@@ -45,6 +45,7 @@ class Trace:
             as ``forces``. Where a goal limits a force, the recording has each step of the engine.
         strains: for each thing that can break, the largest force on it since the instant before, as a share of the
             force that it bears, (..., T): above 1 it breaks.
+        gripped: for each component that ever gripped a body, and the body, at which instants it did, (..., T).
     """
 
     times: Array
@@ -54,6 +55,7 @@ class Trace:
     clearances: Mapping[str, Array] = field(default_factory=dict)
     peaks: Forces | None = None
     strains: Mapping[str, Array] = field(default_factory=dict)
+    gripped: Mapping[tuple[str, str], Flags] = field(default_factory=dict)
 
     @classmethod
     def of(cls, *states: State, **given: Any) -> Trace:
@@ -168,7 +170,9 @@ class Trace:
     @cached_property
     def support(self) -> Support:
         """Who bears whom."""
-        return Support(self.states, self.touching, self.forces, self.strains)
+        return Support(
+            self.states, self.touching, self.forces, self.strains, self.gripped
+        )
 
     def _press(self, by: str) -> dict[str, Array]:
         """Sum how hard ``robot`` or ``tool`` presses each body that can move, N, (..., T)."""
@@ -194,6 +198,7 @@ class Trace:
             peaks=None if self.peaks is None else world(self.peaks),
             clearances=world(self.clearances),
             strains=world(self.strains),
+            gripped=world(self.gripped),
         )
 
     def _kind(self, presser: str) -> str:

@@ -91,7 +91,7 @@ class Step:
         seconds: the time of the way there.
         through: pass it without a stop.
         wait: seconds to stay there.
-        grip: 0 open to 1 closed, for tools with the gripper.
+        grip: 0 open to 1 closed, for tools with the gripper; or suction, 0 off to 1 on.
         until: with ``newtons`` and ``otherwise`` the guard of the way there, see `core.interfaces.Guard`.
         corrects: bodies and marks that are then taken to be shifted, along the way there, as the touch was.
         beyond: how far the waypoint lies beyond the place where contact is expected, metres.
@@ -283,7 +283,9 @@ def read_step(data: object, where: str, gripper: bool) -> Step:
     if not isinstance(data, dict):
         raise DesignError(f"{where} must be an object with an offset, not {kind(data)}")
     if "grip" in data and not gripper:
-        raise DesignError(f"{where}: 'grip' needs a tool on the gripper; leave it out")
+        raise DesignError(
+            f"{where}: 'grip' needs a tool on the gripper, or tool.grips=true; leave it out"
+        )
 
     step = check(Step, data, where, DesignError)
     if not (step.speed or step.seconds):

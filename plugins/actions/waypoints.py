@@ -29,7 +29,9 @@ class WaypointActions(ActionRepresentation):
     """Lists of 6 numbers, or of 7 with the gripper."""
 
     def instructions(self, brief: Brief) -> str:
-        return fill("plugins.actions", "waypoints", gripper=brief.gripper)
+        return fill(
+            "plugins.actions", "waypoints", closes=brief.closes, fingers=brief.gripper
+        )
 
     def schema(self, *, gripper: bool) -> JsonObject:
         count = len(WAYPOINT)

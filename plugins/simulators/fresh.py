@@ -10,12 +10,14 @@ from typing import Any, Generic, TypeVar
 
 from core.errors import check_positive
 from core.geometry import Array
-from core.interfaces import Ability, Pushes, Robot, Rollout, World
+from core.interfaces import Ability, Order, Pushes, Robot, Rollout, World
 from core.scene import Scene, State
 from core.simulation.engines import SteppingSimulator
 from core.support.scratch import scratch
+from core.values.grips import Gripped
 from plugins.simulators.bonds import Bonds
 from plugins.simulators.forces import Impulses, Totals
+from plugins.simulators.grips import Grips
 from plugins.simulators.step_lengths import check_time_step, choose_step
 
 Prepared = TypeVar("Prepared")
@@ -34,10 +36,12 @@ class FreshWorld(World):
     Attributes:
         impulses: sums up those of contacts; None: they are not asked for.
         bonds: those of the scene; None: it has none.
+        gripping: the grips of the tool; None: it has none.
     """
 
     impulses: Impulses | None = None
     bonds: Bonds | None = None
+    gripping: Grips | None = None
     tells_torques = True
 
     @abstractmethod
@@ -48,12 +52,14 @@ class FreshWorld(World):
     def decode(self, snapshots: Sequence[Any]) -> tuple[Array, Array, State]:
         """Decode T snapshots, see `World.read`."""
 
-    def end_step(self) -> None:
-        """Note what the last step did to contacts and bonds; call it after each step."""
+    def end_step(self, order: Order) -> None:
+        """Note what the last step did to contacts, bonds and grips; call it after each step."""
         if self.impulses is not None:
             self.impulses.add_step()
         if self.bonds is not None:
             self.bonds.end_step()
+        if self.gripping is not None:
+            self.gripping.end_step(self, order.fingers)
 
     def note(self) -> _Note:
         totals = self.impulses.totals() if self.impulses else None
@@ -74,6 +80,9 @@ class FreshWorld(World):
         if self.bonds is None:
             return {}
         return self.bonds.loads([steps for _, _, steps in notes])
+
+    def grips(self) -> tuple[Gripped, ...]:
+        return () if self.gripping is None else self.gripping.report()
 
     def state(self) -> State:
         """Read the state of the free bodies."""

@@ -15,6 +15,9 @@ from core.solids.standing import MOST_HZ, list_flights
 LONGEST_S = 0.02
 WALL_M = 0.01  # what springs move goes no farther in a step than walls are thick
 CARD_M = 0.004  # thinner bodies that fall on each other may pass through
+GRIPS_HZ = (
+    1000.0  # of what a tool holds: softer springs would let it sag by millimetres
+)
 MILD = 0.5  # of a joint's speed: what a damper may take of it in a step
 
 
@@ -39,7 +42,10 @@ def choose_step(
     It is an integer part of that. There are ``steps_hz`` or more in a second.
     """
     rate = max(
-        _find_rate_of_springs(tool), _find_rate_of_flights(tool, scene), steps_hz
+        _find_rate_of_springs(tool),
+        _find_rate_of_flights(tool, scene),
+        GRIPS_HZ if tool.gripping else 0.0,
+        steps_hz,
     )
     return time_step / max(1, math.ceil(rate * time_step))
 

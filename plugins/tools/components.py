@@ -36,6 +36,7 @@ from core.robot.description import assembled
 from core.robot.solids import closest, solids_of
 from core.support.inputs import FIELDS, check, in_unit, meant
 from core.support.text import kind, shorten
+from core.values.grips import FACES, GRIPS, MAX_AREA_MM2, MIN_AREA_MM2, Grip
 from plugins.tools.mounting import first_box, instruct
 from plugins.tools.refusals import ToolReason
 from plugins.tools.varying import VariedTools
@@ -92,6 +93,21 @@ class WrittenJoint:
     rest: Number = 0.0
 
 
+@dataclass(frozen=True, config=FIELDS)
+class WrittenGrip:
+    """What a face of a component holds with, as it is written."""
+
+    kind: Literal["suction", "magnet", "adhesive", "hook_and_loop"]
+    face: Literal["front", "back", "left", "right", "top", "bottom"]
+    area_mm2: Annotated[
+        float, Strict(), Field(ge=MIN_AREA_MM2, le=MAX_AREA_MM2, allow_inf_nan=False)
+    ]
+
+    @property
+    def grip(self) -> Grip:
+        return GRIPS[self.kind](self.face, self.area_mm2)
+
+
 class WrittenComponent(BaseModel):
     """A component as it is written, without what a representation writes of its shape."""
 
@@ -106,11 +122,15 @@ class WrittenComponent(BaseModel):
 
 
 @lru_cache(maxsize=16)
-def _component_of(keys: tuple[str, ...], *, joints: bool) -> type[WrittenComponent]:
-    """Make the class of a component whose shape is written by these keys, with a joint or without."""
+def _component_of(
+    keys: tuple[str, ...], *, joints: bool, grips: bool
+) -> type[WrittenComponent]:
+    """Make the class of a component whose shape is written by these keys, with a joint or a grip or without."""
     fields: dict[str, Any] = dict.fromkeys(keys, (Any, None))
     if joints:
         fields["joint"] = (WrittenJoint | None, None)
+    if grips:
+        fields["grips"] = (WrittenGrip | None, None)
     return create_model("Component", __base__=WrittenComponent, **fields)
 
 
@@ -122,7 +142,8 @@ ReadShape = Callable[[JsonObject, str], tuple[Shape, Pose]]
 class ComponentTools(VariedTools):
     """A representation as one field, a list of components with their poses in the mount's frame.
 
-    Subclasses say how a component's shape is written. With ``joints`` components may move against their parents.
+    Subclasses say how a component's shape is written. With ``joints`` components may move against their parents, with
+    ``grips`` hold on to what they touch.
 
     Attributes:
         field: the name of the list.
@@ -138,8 +159,9 @@ class ComponentTools(VariedTools):
     template: str
     limits: Mapping[str, Any] = MappingProxyType({})
 
-    def __init__(self, joints: bool = False) -> None:
+    def __init__(self, joints: bool = False, grips: bool = False) -> None:
         self.joints = joints
+        self.grips = grips
 
     @abstractmethod
     def example_shape(self, size: Array) -> JsonObject:
@@ -169,6 +191,8 @@ class ComponentTools(VariedTools):
 
             if self.joints:
                 properties["joint"] = {"anyOf": [{"type": "null"}, _JOINT]}
+            if self.grips:
+                properties["grips"] = {"anyOf": [{"type": "null"}, _GRIP]}
 
             items.append(object_schema(properties))
 
@@ -196,6 +220,7 @@ class ComponentTools(VariedTools):
             self.material,
             field=self.field,
             joints=self.joints,
+            grips=GRIPS.values() if self.grips and not brief.gripper else (),
             example=json.dumps([example]),
             **self.limits,
         )
@@ -281,7 +306,7 @@ class ComponentTools(VariedTools):
             mounts: what the tool may hang from.
         """
         where = f"component {name!r}"
-        kind_of = _component_of(self.keys, joints=self.joints)
+        kind_of = _component_of(self.keys, joints=self.joints, grips=self.grips)
         written = check(kind_of, item, where, DesignError)
         if not written.parent and len(mounts) > 1:
             raise DesignError.because(
@@ -303,7 +328,9 @@ class ComponentTools(VariedTools):
         joint = _make_joint(
             getattr(written, "joint", None), f"{where}: its joint", pose
         )
-        return Component(name, parent, pose, shape, mass, color, joint)
+        grips: WrittenGrip | None = getattr(written, "grips", None)
+        holds = None if grips is None else grips.grip
+        return Component(name, parent, pose, shape, mass, color, joint, holds)
 
     def _find_parent(
         self, component: Component, before: Mapping[str, Component], mount: str
@@ -351,6 +378,8 @@ class ComponentTools(VariedTools):
 
         if self.joints:
             item["joint"] = _write_joint(component.joint, pose)
+        if self.grips:
+            item["grips"] = _write_grip(component.grips)
 
         return item
 
@@ -382,6 +411,22 @@ _JOINT = object_schema(
         **dict.fromkeys(_JOINT_NUMBERS, NUMBER),
     }
 )
+
+
+_GRIP = object_schema(
+    {
+        "kind": TEXT | {"enum": [*GRIPS]},
+        "face": TEXT | {"enum": [*FACES]},
+        "area_mm2": NUMBER,
+    }
+)
+
+
+def _write_grip(grips: Grip | None) -> JsonObject | None:
+    """Write what a component holds with; None: nothing."""
+    if grips is None:
+        return None
+    return {"kind": grips.kind, "face": grips.face, "area_mm2": grips.area_mm2}
 
 
 def default_mass(volume: float) -> float:

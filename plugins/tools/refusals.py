@@ -122,3 +122,18 @@ class ToolReason(Reason):
         "component {component!r} goes through {other!r} of its own tool, where the joint of {bearer!r} is at "
         "{place:.3g} {unit}: end the range before"
     )
+
+    # --- grips --------------------------------------------------------------------------------------------------------
+
+    GRIP_OF_FIXTURE = "fixture: a component of it has 'grips', and a fixture holds nothing; leave it out"
+    GRIP_OF_FINGERS = "a component has 'grips', and the tool hangs from the fingers; only a rigid tool can grip"
+    GRIP_COUNT = "{count} components have 'grips'; at most {most} are allowed"
+    GRIP_MOVES = "component {component!r} has 'grips' and moves on the joint of {bearer!r}; hang it from what is rigid"
+    GRIP_AREA = (
+        "component {component!r}: a round patch of {area_mm2:g} mm^2 is {across_mm:.1f} mm across, more than its face "
+        "{face}; make the face wider or the area smaller"
+    )
+    GRIP_FLAT = (
+        "component {component!r}: its face {face} is {off_mm:.1f} mm off a plane where the patch is; grip with a flat "
+        "face"
+    )

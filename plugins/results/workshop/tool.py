@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
@@ -35,6 +35,12 @@ from plugins.results.workshop.sleeve import CORE_MM, on_finger
 from plugins.results.workshop.solid import ToolLink, links_of
 
 SAME_WEIGHT = 0.2
+
+
+_SWITCH = (
+    "the drivers don't switch the pump: let it run while the motion's fingers are nearer to closed than to open, and "
+    "leave room for its hose"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +107,16 @@ class PrintedTool:
         return replace(self, checks=(*self.checks, *checks))
 
 
+def _check_grips(tool: Tool, hardware: list[str]) -> Iterator[Check]:
+    """Add what is bought to grip with to the hardware, and yield what nobody can check."""
+    for component in tool.gripping:
+        grip = component.grips
+        assert grip is not None
+        hardware.append(f"for {component.name}: {grip.parts}")
+        if grip.switched:
+            yield Check("grips", None, _SWITCH, part=component.name)
+
+
 def make_tool(
     tool: Tool, robot: Robot, material: Material, printer: Printer, fit: Fit
 ) -> PrintedTool:
@@ -139,6 +155,7 @@ def make_tool(
             f"{SCREWS * count} brass inserts M3 for a bore of {fit.insert_mm:g} mm",
         ]
 
+    checks += _check_grips(tool, hardware)
     checks += check_apart(fitted)
 
     for link in links:

@@ -26,12 +26,13 @@ _KINDS = {
 _BACK = np.array([1.0, -1.0, -1.0, -1.0])  # makes a quaternion the inverse
 
 
-def add_bodies(spec: Element, scene: Scene) -> dict[str, Element]:
+def add_bodies(spec: Element, scene: Scene, awake: bool) -> dict[str, Element]:
     """Add the free bodies, each inside of what it hangs from; fixed ones are the world's body.
 
     Args:
         spec: what they are added to.
         scene: has them and their joints.
+        awake: whether they never sleep, since a tool may pull any of them.
 
     Returns:
         the spec's body for each rigid body of the scene, by name.
@@ -54,7 +55,7 @@ def add_bodies(spec: Element, scene: Scene) -> dict[str, Element]:
             if parent in tops:
                 pose = scene[parent].pose.inverse() @ pose
 
-        known = _name(scene, name)
+        known = name_body(scene, name)
         element = add_body(
             bearer,
             known,
@@ -78,7 +79,7 @@ def add_bodies(spec: Element, scene: Scene) -> dict[str, Element]:
                 element.gravcomp = 1.0
 
         moved = joint is not None and bool(joint.drive or joint.latches)
-        if body.launched or moved or name in bonded:
+        if body.launched or moved or name in bonded or awake:
             tops[name].sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
 
     return bearers
@@ -89,7 +90,7 @@ def _rigid(scene: Scene) -> list[Body]:
     return [body for body in scene.free if body.collisions]
 
 
-def _name(scene: Scene, body: str) -> str:
+def name_body(scene: Scene, body: str) -> str:
     """Name a body and its joint in the spec."""
     return f"body_{[known.name for known in scene.bodies].index(body)}"
 
@@ -165,7 +166,7 @@ class Moving:
 
         self._places: dict[str, _Place] = {}
         for name in self._names:
-            joint = model.joint(_name(scene, name))
+            joint = model.joint(name_body(scene, name))
             position = int(joint.qposadr[0])
             speed = int(joint.dofadr[0])
             self._places[name] = _Place(

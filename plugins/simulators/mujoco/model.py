@@ -111,7 +111,7 @@ def build_spec(
     )
     add_servos(spec, robot, tool)
     add_softs(spec, scene, contacts.tools_friction(colliders))
-    bearers = add_bodies(spec, scene)
+    bearers = add_bodies(spec, scene, awake=bool(tool.gripping))
     add_bonds(spec, scene, bearers)
 
     for body, surface in zip(scene.bodies, surfaces, strict=True):

@@ -13,6 +13,7 @@ from core.design import Tool
 from core.geometry import Array
 from core.interfaces import Block, Order, Passed, Pushes, Reading, Robot, Rollout
 from core.scene import Scene, State
+from core.values.grips import Gripped
 from core.values.jobs import FEEL_S
 from plugins.simulators.mujoco.arm import Joints
 from plugins.simulators.mujoco.bodies import Moving
@@ -20,6 +21,7 @@ from plugins.simulators.mujoco.bonds import Bonds
 from plugins.simulators.mujoco.contacts import is_discrete
 from plugins.simulators.mujoco.engine import mujoco, rollout, warnings_caught
 from plugins.simulators.mujoco.forces import Feeler, Meter
+from plugins.simulators.mujoco.grips import Grips
 from plugins.simulators.mujoco.motors import Motors
 from plugins.simulators.mujoco.shapes import Element
 
@@ -40,6 +42,7 @@ class _Saved(NamedTuple):
         moved: how many of them since the launch.
         contacts: what was measured, see `Meter.save`.
         bonds: see `Bonds.save`.
+        grips: see `Grips.save`; None: the tool has none.
     """
 
     data: Element
@@ -47,6 +50,7 @@ class _Saved(NamedTuple):
     moved: float
     contacts: Any
     bonds: Any
+    grips: Any
 
 
 class World(interfaces.World):
@@ -64,6 +68,8 @@ class World(interfaces.World):
 
     def __init__(self, robot: Robot, scene: Scene, tool: Tool, model: Element) -> None:
         self.time_step = float(model.opt.timestep)
+        self._robot = robot
+        self._tool = tool
         self._scene = scene
         self._model = model
         self._joints = Joints(robot, tool, model)
@@ -80,7 +86,7 @@ class World(interfaces.World):
     @property
     def rewinds(self) -> bool:  # type: ignore[override]
         # Else all that was measured is copied each time.
-        return self._meter is None and not self._scene.bonds
+        return self._meter is None and self._grips is None and not self._scene.bonds
 
     def begin(self, job: Rollout) -> None:
         """Begin anew, with the robot at the first targets of a job's motion, and the tool's joints held."""
@@ -91,6 +97,11 @@ class World(interfaces.World):
             self._meter = Meter(self._scene, self._model)
 
         self._bonds = Bonds(self._scene, self._model, self._data)
+        self._grips: Grips | None = None
+        if self._tool.gripping:
+            self._grips = Grips(
+                self._robot, self._tool, self._scene, self._model, self._data
+            )
         self._done = 0
         self._moved = -np.inf  # steps since the launch
         mujoco.mj_resetData(self._model, self._data)
@@ -113,7 +124,8 @@ class World(interfaces.World):
         self._done += 1
         self._moved += 1
         with warnings_caught():  # a world that diverges shows it in its state too
-            self._step_singly(self._read_state()[None], control, None)
+            fingers = np.array([order.fingers])
+            self._step_singly(self._read_state()[None], control, fingers, None)
 
     def joints(self) -> tuple[Array, Array]:
         """Return the arm's joints (A,), and the fingers' with the tool's (F + K,)."""
@@ -129,6 +141,8 @@ class World(interfaces.World):
         self._moved = 0.0
         self._moving.launch(self._data.qpos, self._data.qvel)
         self._joints.hold(self._model, held=False)
+        if self._grips is not None:
+            self._grips.launch()
 
     def advance(self, block: Block) -> Passed:
         """Take the steps of a block.
@@ -163,6 +177,7 @@ class World(interfaces.World):
             self._moved,
             self._meter and self._meter.save(),
             self._bonds.save(),
+            self._grips and self._grips.save(),
         )
 
     def restore(self, saved: _Saved) -> None:
@@ -172,6 +187,8 @@ class World(interfaces.World):
         if self._meter is not None:
             self._meter.restore(saved.contacts)
         self._bonds.restore(saved.bonds)
+        if self._grips is not None:
+            self._grips.restore(saved.grips)
         self._joints.hold(self._model, held=False)
 
     def note(self) -> _Note:
@@ -189,6 +206,9 @@ class World(interfaces.World):
 
     def loads(self, notes: Sequence[_Note]) -> Mapping[str, Array]:
         return self._bonds.loads([done for done, _ in notes])
+
+    def grips(self) -> tuple[Gripped, ...]:
+        return () if self._grips is None else self._grips.report()
 
     def _find_torques(self, block: Block, states: Array) -> Array | None:
         """Find the greatest torque of each of the arm's motors at a block's measures (J,); None: it has none.
@@ -256,9 +276,9 @@ class World(interfaces.World):
             block.instants,
         )
         with warnings_caught() as warnings:
-            stepped = self._meter is not None or self._scene.bonds
+            stepped = self._meter or self._grips or self._scene.bonds
             if self._moving.latched or stepped:
-                self._step_singly(states[1:], controls, sensed)
+                self._step_singly(states[1:], controls, block.fingers[1:], sensed)
             else:
                 rollout(
                     self._model,
@@ -278,7 +298,7 @@ class World(interfaces.World):
         return states
 
     def _step_singly(
-        self, states: Array, controls: Array, sensed: Array | None
+        self, states: Array, controls: Array, fingers: Array, sensed: Array | None
     ) -> None:
         """Fill in the states (S, X) and ``sensed``, as MuJoCo's rollout does.
 
@@ -297,6 +317,8 @@ class World(interfaces.World):
                 _STATE,
             )
             self._bonds.end_step()
+            if self._grips is not None:
+                self._grips.end_step(self, float(fingers[number]))
             if self._meter is not None:
                 self._meter.measure(data)
             if sensed is not None:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.design import Tool
+from core.design import RIGID_MOUNT, Tool
 from core.geometry import Array
 from core.interfaces import Order, Robot, Rollout
 from core.scene import State
@@ -21,6 +21,7 @@ from plugins.simulators.pybullet.bonds import Bonds
 from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.forces import Forces, pushes
+from plugins.simulators.pybullet.grips import Grips
 from plugins.simulators.pybullet.mechanisms import Mechanism, Place
 
 # How far bodies may slide before a stored contact point is dropped, as a share of a shape's radius. PyBullet's default,
@@ -103,6 +104,16 @@ class World(FreshWorld):
             self.impulses = Forces(client, self._name_things(job.tool), self.time_step)
         if scene.scene.bonds:
             self.bonds = Bonds(client, scene.scene, self._places, scene.offsets)
+        if job.tool.gripping:
+            self.gripping = Grips(
+                client,
+                robot,
+                job.tool,
+                scene.scene,
+                self._places,
+                (self._arm.number, self._arm.links[RIGID_MOUNT]),
+                self.time_step,
+            )
 
     def _name_things(self, tool: Tool) -> dict[Place, Thing]:
         """Map all that collides to what contact forces call it."""
@@ -121,9 +132,11 @@ class World(FreshWorld):
             self._mechanism.drive()
 
         p.stepSimulation(self.client.number)
-        self.end_step()
+        self.end_step(order)
 
     def launch(self) -> None:
+        if self.gripping is not None:
+            self.gripping.launch()
         for place, joint in self._arm.list_loose():
             self._mechanism.add(place, joint)
         self._mechanism.launch()

@@ -19,6 +19,7 @@ from plugins.simulators.sapien.bodies import Bodies, Weighed
 from plugins.simulators.sapien.bonds import Bonds
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.forces import Forces, pushes
+from plugins.simulators.sapien.grips import Grips
 from plugins.simulators.sapien.mechanisms import Joints
 from plugins.simulators.sapien.shapes import Setup
 from plugins.simulators.sapien.surfaces import Surfaces
@@ -98,6 +99,16 @@ class World(FreshWorld):
         self._held = robot, tool
         if weighed.scene.bonds:
             self.bonds = Bonds(setup, weighed, self._bodies.components)
+        if tool.gripping:
+            links = self._system.articulation_link_components
+            self.gripping = Grips(
+                robot,
+                tool,
+                weighed.scene,
+                self._bodies.components,
+                {link.entity.name: link for link in links},
+                time_step,
+            )
         if job.forces and job.record_hz > 0:
             self.impulses = Forces(self._system, weighed.scene, setup.things)
 
@@ -112,7 +123,7 @@ class World(FreshWorld):
         self._system.step()
         if self._brakes:
             self._bodies.end_step()
-        self.end_step()
+        self.end_step(order)
 
     def note_torques(self) -> TorqueNote:
         return self._arm.note_torques()
@@ -134,6 +145,8 @@ class World(FreshWorld):
         return shapes
 
     def launch(self) -> None:
+        if self.gripping is not None:
+            self.gripping.launch()
         self._arm.launch()
         self._bodies.launch()
         self._joints.begin()

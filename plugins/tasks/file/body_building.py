@@ -167,6 +167,9 @@ def _build(spec: BodySpec, files: Files) -> Body:
         velocity=spec.velocity,
         spin=spec.spin,
         breaks_n=spec.breaks_n or 0.0,
+        smooth=spec.smooth,
+        magnetic=spec.magnetic,
+        loops=spec.loops,
     )
 
 

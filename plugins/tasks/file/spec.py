@@ -58,6 +58,9 @@ _RIGID = (
     "velocity",
     "spin",
     "breaks_n",
+    "smooth",
+    "magnetic",
+    "loops",
 )
 _SOFT = ("rope", "cloth", "counts", "pinned")
 SHAPES = (*PRIMITIVES, "tube", "cup", "mug", "bottle")
@@ -372,6 +375,9 @@ class BodySpec(ShapeSpec):
     velocity: Rates = (0.0, 0.0, 0.0)
     spin: Rates = (0.0, 0.0, 0.0)
     breaks_n: AboveZero | None = None
+    smooth: bool = False
+    magnetic: bool = False
+    loops: bool = False
 
     @check_whole(mode="after")
     def _one_shape(self) -> Self:

@@ -362,6 +362,7 @@ def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
         "arrivals_s": list(seen.arrivals),
         "guards": list(seen.felt),
         "looks": [sight.text(text) for text in seen.looked],
+        "grips": [sight.text(text) for text in seen.gripped],
         "contacts": _touches(seen, sight),
         "missed": phrase("observed", "miss", seen),
         "lag": phrase("observed", "lag", seen),

@@ -104,6 +104,7 @@ def _collect_properties(body: Body) -> tuple[object, ...]:
         body.friction,
         body.rolling_friction,
         body.restitution,
+        body.surface,
     )
 
 

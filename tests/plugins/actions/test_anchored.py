@@ -466,6 +466,6 @@ def test_the_model_hears_of_guards_only_where_it_may_use_them():
         *told.schema(gripper=False)["items"]["properties"]
     }
     assert "until" not in silent.schema(gripper=False)["items"]["properties"]
-    brief = SimpleNamespace(task=BringCube(), scene_seed=0, gripper=False)
+    brief = SimpleNamespace(task=BringCube(), scene_seed=0, gripper=False, closes=False)
     assert "`until`" in told.instructions(brief)
     assert "`until`" not in silent.instructions(brief)
