@@ -1,8 +1,8 @@
 """Do the tests see faults? ``python -m tests.benchmarks.mutants [count=N] [seed=N] [room=core/store,...]``.
 
 Faults are put in at random places of core and plugins, one at a time, in a clone of what is committed. The tests that
-mirror the file run first, then those of its room, then those that import it, until one fails. What survives needs a
-test, or a reason why nobody could notice.
+mirror the file run first, then those of its room that import it, then the room's others, then all that import it,
+until one fails. A test that hangs has failed. What survives needs a test, or a reason why nobody could notice.
 """
 
 from __future__ import annotations
@@ -27,6 +27,9 @@ from tests.benchmarks import measuring
 
 USAGE = "usage: python -m tests.benchmarks.mutants [count=N] [seed=N] [room=FOLDER,...] [most_s=S]"
 ROOT = Path(__file__).parents[2]
+HANGS = "a test hangs"
+HANGS_S = 300
+"""How long a test may take that does not hang, in seconds."""
 LEFT_OUT = ("plugins/new/templates/", "plugins/simulators/mujoco/batched/")
 OPPOSITE = {
     ast.Add: ast.Sub,
@@ -94,7 +97,7 @@ def main() -> None:
             (clone / mutant.file).write_bytes((ROOT / mutant.file).read_bytes())
 
             home = test_room(mutant.file)
-            own = killer is not None and killer.startswith((home, "time"))
+            own = killer is not None and killer.startswith((home, HANGS))
             seen[room_of(mutant.file)].append(own if killer else None)
             print(f"{mutant}\n    {killer or 'SURVIVED'}", flush=True)
             if killer is None:
@@ -208,7 +211,8 @@ def find_tests(clone: Path, file: str) -> list[str]:
         if pattern.search(test.read_text())
     ]
     room = [name for name in relative if name.startswith(test_room(file) + "/")]
-    return [*dict.fromkeys([*mirrors, *room, *imported])]
+    near = [name for name in room if name in imported]
+    return [*dict.fromkeys([*mirrors, *near, *room, *imported])]
 
 
 def test_room(file: str) -> str:
@@ -226,10 +230,11 @@ def room_of(file: str) -> str:
 
 
 def try_tests(clone: Path, file: str, most_s: float) -> str | None:
-    """Run the tests until one fails, and return its name; None: none fails."""
+    """Run the tests until one fails or hangs, and return its name; None: none fails while there is time."""
     environment = dict(os.environ, PYTHONPATH=str(clone))
     tests = find_tests(clone, file)
-    words = ["-m", "pytest", "-q", "-x", "-n", "0", "-p", "no:cacheprovider", *tests]
+    hangs = [f"-ofaulthandler_timeout={HANGS_S}", "-ofaulthandler_exit_on_timeout=true"]
+    words = ["-m", "pytest", "-qx", "-n0", "-pno:cacheprovider", *hangs, *tests]
     with subprocess.Popen(
         [sys.executable, *words],
         cwd=clone,
@@ -243,10 +248,13 @@ def try_tests(clone: Path, file: str, most_s: float) -> str | None:
             output, _ = process.communicate(timeout=most_s)
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
-            return "time ran out"
+            return None
 
     if process.returncode == 0:
         return None
+
+    if "Timeout (" in output:
+        return HANGS
 
     failed = re.search(r"^(?:FAILED|ERROR) (\S+)", output, re.MULTILINE)
     return failed[1] if failed else f"exit status {process.returncode}"
