@@ -2,6 +2,8 @@
 to what it would have come to.
 """
 
+import builtins
+import contextlib
 import json
 import logging
 import os
@@ -9,8 +11,10 @@ import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
+import yaml
 from omegaconf import OmegaConf
 
 from core.errors import UsageError, UserError
@@ -41,15 +45,138 @@ OFTEN = ("archive", "ensemble", "lean", "ray")
 """What is killed thoroughly; the others are killed weekly."""
 
 
+PARTS = {
+    "plain": (),
+    "numbers": ("prompt.feedback=numbers",),
+    "archive": ("evolution=map_elites", "budget.n_iteration=2"),
+    "islands": ("evolution=islands", "budget.n_iteration=2"),
+    "refined": ("evolution.refine=12",),
+    "tasks": ("task=multitask", "task.of=[BringCube,ElevatePlate]", "budget.n_agent=2", "budget.n_action=2"),
+}  # fmt: skip
+"""The words of runs with toys that are cut short."""
+LIMIT = "{} replies are all there may be; {} are left without"
+AWAY = (
+    "the model answered no request of generation {}: service is down; requests without an answer are sent again when "
+    "the run goes on; "
+)
+CUTS = [
+    # A part, what cuts the run, what it raises (None: it ends well), what it says, what it keeps (None: it depends).
+    ("plain", "vlm.limit=6", None, LIMIT.format(6, 2), "trials"),
+    ("plain", "vlm.limit=3", None, LIMIT.format(3, 1), "trials"),
+    ("plain", "executor.fails_at=1", None, "interrupted", "replies"),
+    ("plain", "executor.fails_at=2", None, "interrupted", "trials"),
+    ("plain", "executor.fails_at=4", None, "interrupted", "trials"),
+    ("plain", "vlm.down=g0-.*", UserError, AWAY.format(0), "nothing"),
+    ("plain", "vlm.down=g1-.*", UserError, AWAY.format(1), "trials"),
+    ("plain", "vlm.down=g0-a3|g1-.*", UserError, AWAY.format(1), "trials"),
+    ("plain", "saving=KeyboardInterrupt", KeyboardInterrupt, "", "trials"),
+    ("plain", "saving=ZeroDivisionError", ZeroDivisionError, "", "trials"),
+    ("plain", "files=80000", UserError, "can't be written: ", "nothing"),
+    ("plain", "files=150000", UserError, "can't be written: ", None),
+    ("plain", "files=250000", UserError, "can't be written: ", None),
+    ("plain", "disk=500k", UserError, "can't be written: ", None),
+    ("plain", "disk=600k", UserError, "can't be written: ", None),
+    ("plain", "disk=800k", UserError, "can't be written: ", None),
+    ("numbers", "executor.fails_at=4", None, "interrupted", "trials"),
+    ("archive", "executor.fails_at=2", None, "interrupted", "trials"),
+    ("archive", "executor.fails_at=4", None, "interrupted", "trials"),
+    ("archive", "executor.fails_at=6", None, "interrupted", "trials"),
+    ("archive", "vlm.limit=9", None, LIMIT.format(9, 3), "trials"),
+    ("islands", "executor.fails_at=5", None, "interrupted", "trials"),
+    ("islands", "vlm.down=g2-.*", UserError, AWAY.format(2), "trials"),
+    ("refined", "executor.fails_at=6", None, "interrupted", "trials"),
+    ("tasks", "executor.fails_at=2", None, "interrupted", "trials"),
+    ("tasks", "vlm.limit=4", None, LIMIT.format(4, 2), "trials"),
+]  # fmt: skip
+QUICK = [
+    ("plain", "executor.fails_at=2"),
+    ("plain", "vlm.down=g0-a3|g1-.*"),
+    ("plain", "saving=KeyboardInterrupt"),
+    ("plain", "disk=600k"),
+    ("islands", "executor.fails_at=5"),
+]
+
+
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    """A run with toys that nothing happened to."""
-    folder = tmp_path_factory.mktemp("whole")
+def wholes(tmp_path_factory):
+    """Make runs with toys that nothing happened to, each of them once."""
+    parent = tmp_path_factory.mktemp("wholes")
+
+    def make(part):
+        folder = parent / part
+        if not folder.exists():
+            run(toys.config(parent / f"{part} notes", *PARTS[part]), folder)
+        return folder
+
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(installed(), "offers", dict(installed().offers))
         toys.offer(installed())
-        run(toys.config(folder / "notes"), folder / "run")
-    return folder / "run"
+        yield make
+
+
+@pytest.fixture
+def whole(wholes):
+    return wholes("plain")
+
+
+@contextlib.contextmanager
+def cutting(cfg, cut, disk):
+    """Let a run be cut short: by a setting, by what the disk takes, or by what is raised as its best is saved."""
+    what, _, value = cut.partition("=")
+    with contextlib.ExitStack() as ended:
+        if what == "files":  # as a quota does
+            ended.enter_context(small_files(int(value)))
+        elif what == "disk":
+            mount("-t", "tmpfs", "-o", f"size={value}", "toys", str(disk))
+            ended.callback(mount, "-o", "remount,size=50m", str(disk))
+        elif what == "saving":
+            patched = ended.enter_context(pytest.MonkeyPatch.context())
+            error = {"side_effect": getattr(builtins, value)}
+            patched.setattr("plugins.results.best.save_design", Mock(**error))
+        else:
+            OmegaConf.update(cfg, what, yaml.safe_load(value), force_add=True)
+        yield
+
+
+@pytest.mark.parametrize(
+    ("part", "cut", "error", "said", "kept"),
+    rare(CUTS, *(row for row in CUTS if row[:2] in QUICK)),
+)
+def test_a_run_that_was_cut_says_how_to_go_on_and_comes_to_the_same_end(
+    toy, wholes, disk, part, cut, error, said, kept
+):
+    folder = disk / "a run"
+    cfg = toys.config(toy.file, *PARTS[part])
+    with cutting(cfg, cut, disk):
+        if error is None:
+            assert run(cfg, folder).stopped == result_of(folder)["stopped"] == said
+        else:
+            with pytest.raises(error) as caught:
+                run(cfg, folder)
+            words = [str(caught.value), *getattr(caught.value, "__notes__", ())][-1]
+            assert said in words
+            assert "\n" not in words
+            assert words.endswith(f"to go on: python -m core.run resume='{folder}'")
+
+    known = what_is_stored(folder)
+    kinds = {line.partition(" ")[0] for line in known}
+    stands = "trials" if "tried" in kinds else "replies" if kinds else "nothing"
+    assert kept in (stands, None)
+    if part != "tasks":  # no tool has done all of them yet
+        assert (folder / "best").exists() == (error is None and stands == "trials")
+    assert known <= set(noted(toy))
+
+    toy.add("session")
+    lifted = {"vlm": "vlm.limit=null vlm.down=''", "executor": "executor.fails_at=null"}
+    resume(folder, lifted.get(cut.partition(".")[0], "").split())
+    assert_same_run(folder, wholes(part))
+    again = noted(toy)[noted(toy).index("session") :]
+    assert not known & set(again)
+
+
+def noted(toy):
+    """What was asked and tried, in order."""
+    return toy.file.read_text().splitlines() if toy.file.exists() else []
 
 
 # --- killed at any moment ---------------------------------------------------------------------------------------
@@ -109,7 +236,8 @@ def what_is_stored(folder):
         folder / FILE, "SELECT name FROM sqlite_master"
     ):
         return set()
-    replies = rows(folder / FILE, "SELECT request_id FROM replies")
+    answered = "SELECT request_id FROM replies WHERE NOT unanswered"
+    replies = rows(folder / FILE, answered)
     trials = rows(
         folder / FILE, "SELECT content, task, engine, layout, change FROM trials"
     )
@@ -176,23 +304,15 @@ def begin(toy, folder, **settings):
 
 
 @pytest.mark.thorough
-def test_a_limit_ends_a_run_well_and_the_run_goes_on_where_it_is_raised(
-    toy, whole, tmp_path, capsys
+def test_a_run_that_goes_on_to_the_same_limit_asks_nothing_and_says_it_again(
+    toy, tmp_path, capsys
 ):
     folder = tmp_path / "run"
     result = begin(toy, folder, vlm_limit=6)
-    assert result.stopped == "6 replies are all there may be; 2 are left without"
-    outcome = result_of(folder)
-    assert outcome["stopped"] == result.stopped
-    assert [generation["n_candidates"] for generation in outcome["generations"]] == [
-        14,
-        7,
-    ]
-    assert (folder / "best" / "design.json").exists()
-    asked = len(toy.lines("asked"))
-
-    resume(folder)  # nothing has changed: nothing is asked, and it is said again
-    assert len(toy.lines("asked")) == asked == 6
+    generations = result_of(folder)["generations"]
+    assert [found["n_candidates"] for found in generations] == [14, 7]
+    resume(folder)
+    assert len(toy.lines("asked")) == 6
     said = capsys.readouterr()
     assert said.out.splitlines()[-1] == str(folder / "best")
     assert said.err.splitlines() == [
@@ -201,39 +321,18 @@ def test_a_limit_ends_a_run_well_and_the_run_goes_on_where_it_is_raised(
         f"to go on: python -m core.run resume={folder}",
     ]
 
-    resume(folder, ["vlm.limit=100"])
-    assert sorted(toy.lines("asked")) == [
-        f"g{g}-a{a}" for g in range(2) for a in range(4)
-    ]
-    assert len(toy.lines("tried")) == len(set(toy.lines("tried"))) == 10
-    assert_same_run(folder, whole)
 
-
-@pytest.mark.parametrize(
-    "down", rare(["g0-.*", "g1-.*", "g0-a3|g1-.*", "g1-a[23]"], "g0-a3|g1-.*")
-)
-def test_what_a_service_did_not_answer_is_asked_again(
-    toy, whole, tmp_path, capsys, down
-):
-    """A refusal beside it, of agent 2, stays; so does each answer."""
-    folder = tmp_path / "run"
-    if down == "g1-a[23]":  # answers come, the last one when the service is back
-        begin(toy, folder, vlm_down=down, executor_fails_at=4)
-    else:
-        with pytest.raises(UserError) as error:
-            begin(toy, folder, vlm_down=down)
-        number = 0 if down == "g0-.*" else 1
-        assert str(error.value) == (
-            f"the model answered no request of generation {number}: service is down; requests without an answer are "
-            f"sent again when the run goes on; to go on: python -m core.run resume={folder}"
-        )
-        with pytest.raises(UserError, match=f"no request of generation {number}"):
-            resume(folder)  # it is still down
-        assert "requests without an answer are sent again" in capsys.readouterr().err
-    resume(folder, ["vlm.down=''", "executor.fails_at=null"])
-    asked = toy.lines("asked")
-    assert sorted(asked) == [f"g{g}-a{a}" for g in range(2) for a in range(4)]
-    assert_same_run(folder, whole)
+@pytest.mark.thorough
+def test_a_run_that_goes_on_says_again_what_stops_it(toy, tmp_path, capsys):
+    folder = tmp_path / "a run"
+    with pytest.raises(UserError):
+        begin(toy, folder, vlm_down="g1-.*")
+    with pytest.raises(UserError, match="no request of generation 1"):
+        resume(folder)
+    assert "requests without an answer are sent again" in capsys.readouterr().err
+    hint = rf"^to go on: python -m core.run resume='{folder}'$"
+    with pytest.raises(KeyboardInterrupt, match=hint):
+        resume(folder, ["vlm.down=''", "executor.fails_at=1"])
 
 
 @pytest.mark.thorough
@@ -262,59 +361,6 @@ def test_a_run_in_which_every_proposal_fails_ends(toy, tmp_path, capsys):
     with pytest.raises(UserError, match="no candidate could be tried"):
         resume(folder)
     assert result_of(folder)["best"] is None
-
-
-@pytest.mark.parametrize("chunk", rare([1, 2, 4], 2))
-def test_an_interrupted_run_says_how_to_go_on(toy, whole, tmp_path, chunk):
-    folder = tmp_path / "a run"
-    result = begin(toy, folder, executor_fails_at=chunk)
-    assert result.stopped == result_of(folder)["stopped"] == "interrupted"
-    assert (folder / "best").exists() == (chunk > 1)
-    hint = rf"^to go on: python -m core.run resume='{folder}'$"
-    with pytest.raises(KeyboardInterrupt, match=hint):
-        resume(folder, ["executor.fails_at=1"])
-    resume(folder, ["executor.fails_at=null"])
-    assert_same_run(folder, whole)
-
-
-@pytest.mark.thorough
-def test_a_resumed_run_is_told_of_the_last_generation_what_the_whole_one_was(
-    toy, tmp_path
-):
-    whole, folder = tmp_path / "whole", tmp_path / "run"
-    cfg = toys.config(toy.file, "prompt.feedback=numbers")
-    run(cfg, whole)
-    OmegaConf.update(cfg, "executor.fails_at", 4, force_add=True)
-    assert run(cfg, folder).stopped == "interrupted"
-    resume(folder, ["executor.fails_at=null"])
-    assert_same_run(folder, whole)
-    request = (whole / "requests" / "g1-a0.md").read_text()
-    assert "## The last round" in request
-    assert request.count("\n- g0-a") > 3
-    assert "rejected: " in request
-    assert "## The last round" not in (whole / "requests" / "g0-a0.md").read_text()
-
-
-@pytest.mark.parametrize(
-    "error", rare([KeyboardInterrupt, ZeroDivisionError], KeyboardInterrupt)
-)
-def test_what_breaks_a_run_in_its_last_seconds_says_how_to_go_on(
-    toy, whole, tmp_path, monkeypatch, error
-):
-    folder = tmp_path / "run"
-
-    def broken(*_):
-        raise error
-
-    with monkeypatch.context() as patched:
-        patched.setattr("plugins.results.best.save_design", broken)
-        with pytest.raises(error) as caught:
-            begin(toy, folder)
-    said = [str(caught.value), *getattr(caught.value, "__notes__", ())][-1]
-    assert said == f"to go on: python -m core.run resume={folder}"
-    resume(folder)
-    assert len(toy.lines("asked")) == 8
-    assert_same_run(folder, whole)
 
 
 # --- what may change --------------------------------------------------------------------------------------------
@@ -490,46 +536,6 @@ def test_a_second_process_is_refused_and_the_first_goes_on(toy, whole, tmp_path)
 
 
 # --- disks ------------------------------------------------------------------------------------------------------
-
-
-def assert_full(toy, folder, whole, error):
-    assert "\n" not in str(error.value)
-    assert f"{folder} can't be written: " in str(error.value)
-    assert (
-        f"what is in it is kept; to go on: python -m core.run resume={folder}"
-        in str(error.value)
-    )
-    stored = what_is_stored(folder)
-    toy.add("session")
-    resume(folder)
-    assert_same_run(folder, whole)
-    assert not stored & set(toy.file.read_text().split("session\n")[1].splitlines())
-    return len(stored)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("size", [80_000, 150_000, 250_000])
-def test_a_disk_that_refuses_ends_the_run_and_later_it_goes_on(
-    toy, whole, tmp_path, size
-):
-    """As a quota does: at first the store's log can't grow, or the database itself, or a file."""
-    folder = tmp_path / "run"
-    with small_files(size), pytest.raises(UserError) as error:
-        begin(toy, folder)
-    assert (assert_full(toy, folder, whole, error) > 0) == (size > 80_000)
-
-
-@pytest.mark.parametrize("size", rare(["500k", "600k", "800k"], "600k"))
-def test_a_disk_that_is_full_ends_the_run_and_later_it_goes_on(toy, whole, disk, size):
-    mount("-t", "tmpfs", "-o", f"size={size}", "toys", str(disk))
-    folder = disk / "run"
-    with pytest.raises(UserError) as error:
-        begin(toy, folder)
-    assert "No space left on device" in str(error.value) or "disk is full" in str(
-        error.value
-    )
-    mount("-o", "remount,size=50m", str(disk))
-    assert_full(toy, folder, whole, error)
 
 
 def test_a_disk_with_room_for_nothing(disk):

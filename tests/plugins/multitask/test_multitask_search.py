@@ -7,7 +7,7 @@ from omegaconf import OmegaConf
 
 from core import Experiment
 from core.config.compose import load
-from core.search.orchestration import resume, run
+from core.search.orchestration import run
 from core.store.reader import StoredRun
 from plugins.commands.evaluate import evaluate
 from plugins.commands.prompt import PromptConfig, main, requests
@@ -16,8 +16,6 @@ from plugins.results.transfer import transfer
 from plugins.results.workshop.export_command import configured, export
 from tests.support import toys
 from tests.support.executors import evaluate_here
-from tests.support.rare import rare
-from tests.support.runs import assert_same_run
 
 pytestmark = pytest.mark.slow
 
@@ -146,29 +144,6 @@ def test_export_writes_one_tool_and_a_motion_for_each_task(found, tmp_path):
 
 
 # --- with toys ----------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(
-    "words", rare([{"executor.fails_at": 2}, {"vlm.limit": 4}], {"vlm.limit": 4})
-)
-def test_a_run_that_was_cut_short_comes_to_the_same_end_and_repeats_nothing(
-    toy,
-    tmp_path,
-    words,
-):
-    cfg = toys.config(toy.file, *TOYS)
-    run(cfg, tmp_path / "whole")
-    asked, tried = set(toy.lines("asked")), set(toy.lines("tried"))
-    toy.file.unlink()
-    for key, value in words.items():
-        OmegaConf.update(cfg, key, value, force_add=True)
-    assert run(cfg, tmp_path / "run").stopped is not None
-    resume(tmp_path / "run", [f"{key}=null" for key in words])
-    assert_same_run(tmp_path / "run", tmp_path / "whole")
-    for kind, whole in (("asked", asked), ("tried", tried)):
-        assert len(toy.lines(kind)) == len(set(toy.lines(kind)))
-        assert set(toy.lines(kind)) == whole
 
 
 @pytest.mark.thorough

@@ -10,6 +10,7 @@ from core.scene import FIXTURE
 from plugins.multitask.task import Multitask
 from tests.support.panda import on_panda
 from tests.support.scene_files import SCENES
+from tests.support.text import replaced_all
 
 pytestmark = pytest.mark.slow
 
@@ -26,9 +27,9 @@ def join(folder, region):
     """The funnel's task, whose goal names the fixture, and one with another place for it, or without one."""
     text = FUNNEL.read_text()
     named = folder / "named.yaml"
-    named.write_text(text.replace("inside: bottle", "inside: fixture"))
+    named.write_text(replaced_all(text, ("inside: bottle", "inside: fixture")))
 
-    lines = text.replace("name: UseFunnel", "name: Other").splitlines()
+    lines = replaced_all(text, ("name: UseFunnel", "name: Other")).splitlines()
     other = folder / "other.yaml"
     other.write_text(
         "\n".join(region if line.startswith(REGION) else line for line in lines)
