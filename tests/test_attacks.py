@@ -20,6 +20,7 @@ from tests.benchmarks.absurd import Watched
 from tests.support.engines import mujoco_first, simulator
 from tests.support.playing import evaluate_batch
 from tests.support.rare import mostly
+from tests.support.text import replaced_all
 
 FOLDER = Path(__file__).parent / "attacks"
 RULE, NO_RULE = "plugins.tools.joint_rules.check_joints", lambda *_: None
@@ -254,7 +255,7 @@ def test_an_egg_breaks_where_it_is_struck_and_not_where_it_is_pushed(tmp_path, e
     """It bears 5 N: see above."""
     task, document = read_scene("MoveEgg")
     text = (FOLDER / "scenes" / "MoveEgg.yaml").read_text()
-    bearing = text.replace("mass: 0.05}", "mass: 0.05, breaks_n: 5}")
+    bearing = replaced_all(text, ("mass: 0.05}", "mass: 0.05, breaks_n: 5}"))
     file = tmp_path / "egg.yaml"
     file.write_text(bearing.partition("goals:")[0] + "goals:\n  - {broken: [egg]}\n")
     task = installed().create("task", "file", {"file": str(file)})

@@ -41,6 +41,7 @@ from tests.support.outside_arm import write_arm
 from tests.support.packages import install
 from tests.support.panda import PANDA
 from tests.support.rare import rare
+from tests.support.text import replaced_all
 
 pytestmark = pytest.mark.slow
 
@@ -455,7 +456,7 @@ def test_the_strategy_of_the_tutorial_passes_its_checks(tmp_path):
     )
 
     example = (ROOT / "examples/numbers_strategy.py").read_text()
-    numbers = example.replace("NumbersStrategy", "TournamentStrategy")
+    numbers = replaced_all(example, ("NumbersStrategy", "TournamentStrategy"))
     (package / "tournament/search.py").write_text(numbers)
     (package / "tournament/conf/evolution/Tournament.yaml").unlink()
     assert "ok" in run("core", "conformance", "evolution=Tournament")

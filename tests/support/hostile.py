@@ -10,6 +10,7 @@ from typing import Any
 
 from core.interfaces import Task
 from core.plugins import installed
+from tests.support.text import replaced_all
 
 ROD = """\
 <link name="rod">
@@ -57,25 +58,27 @@ def _text(value: str | Callable[[], str]) -> str:
 
 
 def mesh(file: str) -> str:
-    return ROD.replace('<box size="0.02 0.02 0.1"/>', f'<mesh filename="{file}"/>')
+    return replaced_all(
+        ROD, ('<box size="0.02 0.02 0.1"/>', f'<mesh filename="{file}"/>')
+    )
 
 
 def named(name: str) -> str:
-    return ROD.replace('"rod"', f'"{name}"')
+    return replaced_all(ROD, ('"rod"', f'"{name}"'))
 
 
 def sized(x: str) -> str:
-    return ROD.replace("0.02 0.02 0.1", f"{x} 0.02 0.1")
+    return replaced_all(ROD, ("0.02 0.02 0.1", f"{x} 0.02 0.1"))
 
 
 def weighing(mass: str) -> str:
-    return ROD.replace('mass value="0.02"', f'mass value="{mass}"')
+    return replaced_all(ROD, ('mass value="0.02"', f'mass value="{mass}"'))
 
 
 def many(count: int) -> str:
     one = '<link name="b{i}"><collision><geometry><box size=".02 .02 .02"/></geometry></collision></link>'
     joint = '<joint name="j{i}" type="fixed"><parent link="panda_virtual"/><child link="b{i}"/></joint>'
-    return "".join((one + joint).replace("{i}", str(i)) for i in range(count))
+    return "".join(replaced_all(one + joint, ("{i}", str(i))) for i in range(count))
 
 
 def boxes(count: int, step: float = 0.01) -> str:
@@ -123,9 +126,12 @@ TOOLS: dict[str, str | Callable[[], str]] = {
     "entity in UTF-16": f'<?xml version="1.0" encoding="UTF-16"?><!DOCTYPE r [<!ENTITY x "y">]>{ROD}',
     "mesh that climbs": mesh("../../../../etc/shadow"),
     "mesh of the web": mesh("http://127.0.0.1:9/a.stl"),
-    "texture": ROD.replace(
-        "</visual>",
-        '<material name="m"><texture filename="/etc/passwd"/></material></visual>',
+    "texture": replaced_all(
+        ROD,
+        (
+            "</visual>",
+            '<material name="m"><texture filename="/etc/passwd"/></material></visual>',
+        ),
     ),
     "XInclude": '<xi:include xmlns:xi="http://www.w3.org/2001/XInclude" href="/etc/passwd"/>'
     + ROD,
@@ -143,7 +149,9 @@ TOOLS: dict[str, str | Callable[[], str]] = {
     "box of 1e-300 m": sized("1e-300"),
     "box with a million numbers": sized("0.1 " * 200_000),
     "mass of nothing": weighing("5e-324"),
-    "wire of 1e-12 kg": weighing("1e-12").replace("0.02 0.02 0.1", "0.0005 0.0005 0.1"),
+    "wire of 1e-12 kg": replaced_all(
+        weighing("1e-12"), ("0.02 0.02 0.1", "0.0005 0.0005 0.1")
+    ),
     "wire in pieces": "".join(
         f'<link name="w{i}"><collision><geometry><box size=".001 .001 .005"/></geometry></collision></link>'
         + hung(f"w{i}", f"w{i - 1}" if i else "panda_virtual", "0 0 -.005")
@@ -154,8 +162,8 @@ TOOLS: dict[str, str | Callable[[], str]] = {
         + hung(f"w{i}", f"w{i - 1}" if i else "panda_virtual", "0 0 -1.8")
         for i in range(100)
     ),
-    "angle of 1e300": ROD.replace(
-        'xyz="0 0 -0.055"', 'xyz="0 0 -0.055" rpy="1e300 0 0"'
+    "angle of 1e300": replaced_all(
+        ROD, ('xyz="0 0 -0.055"', 'xyz="0 0 -0.055" rpy="1e300 0 0"')
     ),
     "nested without end": "<link>" * 100_000,
     "nested and closed": "<a>" * 50_000 + "</a>" * 50_000,
@@ -182,7 +190,7 @@ def planned(plan: Any) -> str:
 
 
 def raw(plan: str) -> str:
-    return reply_of(sound(action_sets="PLAN")).replace('"PLAN"', plan)
+    return replaced_all(reply_of(sound(action_sets="PLAN")), ('"PLAN"', plan))
 
 
 REPLIES: dict[str, str | Callable[[], str]] = {

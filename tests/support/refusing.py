@@ -1,12 +1,13 @@
 """Rows of refusals: what is changed at a door, and by which code and values it is refused.
 
 A file of ``tests/refusals`` has the name of its door, and the text that is sound there, or the file that holds it. A
-row is what is replaced, by what, the code, some of its values, and where there is a limit, what stands on its other
-side and is sound. What is replaced, and by what, may be lists.
+row is what is replaced (``~``: the file's ``what``), by what, the code, some of its values, and where there is a
+limit, what stands on its other side and is sound. What is replaced, and by what, may be lists. Where a refusal has no
+code, the row has null, and of its values the ``words``.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -66,9 +67,9 @@ def list_rows() -> Iterator[Row]:
             yield Row(
                 file.stem,
                 text,
-                spell(old),
+                spell(old or written["what"]),
                 spell(new),
-                code,
+                code or "",
                 values or {},
                 None if sound is None else spell(sound),
             )
@@ -82,7 +83,8 @@ def spell(written: Any) -> list[str]:
         return [written]
 
     texts = (written["of"].replace("#", str(k)) for k in range(written["times"]))
-    return [written["around"].replace("@", ", ".join(texts))]
+    joined = written.get("join", ", ").join(texts)
+    return [written["around"].replace("@", joined)]
 
 
 def find_refusals(row: Row, new: list[str], folder: Path) -> list[Refusal]:
@@ -92,7 +94,7 @@ def find_refusals(row: Row, new: list[str], folder: Path) -> list[Refusal]:
 
 
 def fits(found: Refusal, code: str, values: dict[str, Any]) -> bool:
-    """Check a refusal's code, and the values that a row has: numbers to a thousandth, and texts up to ``...``."""
+    """Check a refusal's code, and the values that a row has: numbers to a thousandth, texts from and up to ``...``."""
     return found.code == code and all(
         _is_same(found.values.get(name), value) for name, value in values.items()
     )
@@ -102,6 +104,8 @@ def _is_same(found: object, wanted: object) -> bool:
     is_number = isinstance(wanted, int | float) and not isinstance(wanted, bool)
     if is_number and isinstance(found, float):
         return math.isclose(found, wanted, rel_tol=1e-3)
+    if isinstance(wanted, str) and wanted.startswith("..."):
+        return wanted.strip(".") in str(found)
     if isinstance(wanted, str) and wanted.endswith("..."):
         return str(found).startswith(wanted.removesuffix("..."))
     return found == wanted
@@ -111,7 +115,7 @@ def _is_same(found: object, wanted: object) -> bool:
 
 
 def read_design(text: str, folder: Path, **settings: Any) -> list[Refusal]:
-    """Read a design for a cube on a table, and let it be planned."""
+    """Read a reply with a design for a cube on a table, and let it be planned."""
     representation = installed().create("tool", settings.pop("tool"), **settings)
     task = on_panda(CubeOnTable())
     try:
@@ -119,8 +123,22 @@ def read_design(text: str, folder: Path, **settings: Any) -> list[Refusal]:
             parse_reply(text), on_panda(representation), task, start=SpawnRules(task)
         )
     except DesignError as error:
-        return [*error.refusals]
-    return [found for candidate in candidates for found in candidate.refusals]
+        return [*list_refusals(error.refusals, str(error))]
+    return [
+        found
+        for candidate in candidates
+        for found in list_refusals(candidate.refusals, candidate.problem)
+    ]
+
+
+def list_refusals(refusals: Sequence[Refusal], words: str | None) -> Iterator[Refusal]:
+    """Yield refusals; one without a code has the words."""
+    yield from refusals
+    if words:
+        assert words.isprintable()
+        assert len(words) < 1000
+        if not refusals:
+            yield Refusal("", {"words": words})
 
 
 def read_scene(text: str, folder: Path) -> list[Refusal]:
@@ -149,6 +167,7 @@ def read_settings(text: str, folder: Path) -> list[Refusal]:
 DOORS: dict[str, Callable[[str, Path], list[Refusal]]] = {
     "boxes": lambda text, folder: read_design(text, folder, tool="boxes", joints=True),
     "urdf": lambda text, folder: read_design(text, folder, tool="urdf", joints=True),
+    "anchored": lambda text, folder: read_design(text, folder, tool="boxes"),
     "solids": lambda text, folder: read_design(text, folder, tool="solids"),
     "scene": read_scene,
     "settings": read_settings,

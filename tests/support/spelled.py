@@ -10,6 +10,7 @@ from core.designs.replies import parse_reply
 from core.plugins import installed
 from plugins.actions.waypoints import WaypointActions
 from tests.support.hostile import bring_cube
+from tests.support.text import replaced_all
 
 RAW = (
     '<link name="rod"><collision><geometry><box size="0.02 0.02 0.1"/></geometry></collision></link>'
@@ -42,8 +43,8 @@ def spell(entry):
         "ESCAPED": json.dumps(document)[1:-1],
         "DOC": document,
         "STRATEGY": strategy,
-        "SECOND": strategy.replace('"s"', '"t"'),
-        "OTHER": strategy.replace("0.62", "9"),
+        "SECOND": replaced_all(strategy, ('"s"', '"t"')),
+        "OTHER": replaced_all(strategy, ("0.62", "9")),
         "DIGITS": "1" * 90 + "x",
         "LINES": json.dumps(lines),
         "HTML": html.escape(RAW),
@@ -55,9 +56,7 @@ def spell(entry):
     }
     text = re.sub("|".join(parts), lambda part: parts[part[0]], entry["reply"])
     if "swap" in entry:
-        old, new = entry["swap"]
-        assert old in text
-        text = text.replace(old, new)
+        text = replaced_all(text, entry["swap"])
     return text
 
 

@@ -9,6 +9,7 @@ from core.errors import UserError
 from core.plugins import installed
 from tests.support.engines import every_simulator, simulator
 from tests.support.playing import evaluate_batch
+from tests.support.text import replaced_all
 
 ROOT = Path(__file__).parents[2]
 SCENES = sorted((ROOT / "tasks/scenes").glob("*.yaml"))
@@ -58,8 +59,7 @@ def test_it_fits_other_layouts(scene):
 def test_the_glass_must_stay_untouched(tmp_path):
     """The same motion earns nothing where the glass stands in its way."""
     text = (ROOT / "tasks/scenes/turn_valve.yaml").read_text()
-    moved = text.replace("[0.68, -0.1, 0.0701]", "[0.66, -0.065, 0.0701]")
-    assert moved != text
+    moved = replaced_all(text, ("[0.68, -0.1, 0.0701]", "[0.66, -0.065, 0.0701]"))
     scene = tmp_path / "turn_valve.yaml"
     scene.write_text(moved)
     (found,) = tried(scene, "mujoco")

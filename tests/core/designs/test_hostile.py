@@ -29,6 +29,7 @@ from tests.support.hostile import (
 )
 from tests.support.rare import mostly
 from tests.support.soundness import check_candidate
+from tests.support.text import replaced_all
 
 pytestmark = pytest.mark.slow
 
@@ -134,11 +135,13 @@ def test_names_reach_no_path():
     """Valid names of links hold no path separator."""
     for name in ("..", ".", "-rf", "a" * 64):
         tool = URDF.parse(
-            sound(tool_urdf=ROD.replace('"rod"', f'"{name}"')), gripper=False
+            sound(tool_urdf=replaced_all(ROD, ('"rod"', f'"{name}"'))), gripper=False
         )
         assert tool.components[0].name == name
     with pytest.raises(DesignError):
-        URDF.parse(sound(tool_urdf=ROD.replace('"rod"', '"a/b"')), gripper=False)
+        URDF.parse(
+            sound(tool_urdf=replaced_all(ROD, ('"rod"', '"a/b"'))), gripper=False
+        )
 
 
 # --- random ones ------------------------------------------------------------------------------------------------

@@ -164,8 +164,6 @@ WHERE = {"where": "waypoint 1"}
 @pytest.mark.parametrize(
     ("plan", "code", "values"),
     [
-        (None, "E_PLAN_LIST", {"given": "null"}),
-        ({"a": 1}, "E_PLAN_LIST", {"given": "an object"}),
         ("[[1]]", "E_PLAN_LIST", {"given": "the text '[[1]]'"}),
         ([], "E_PLAN_COUNT", {"count": 0}),
         (
@@ -184,11 +182,8 @@ WHERE = {"where": "waypoint 1"}
             "E_WAYPOINT_NUMBER",
             WHERE | {"name": "yaw", "given": "the text '0.1'"},
         ),
-        ([[*WAYPOINT[:5], [0]]], "E_WAYPOINT_NUMBER", {"given": "a list"}),
         ([[*WAYPOINT[:3], math.nan, 0, 0]], "E_WAYPOINT_RANGE", {"name": "roll"}),
-        ([[-math.inf, *WAYPOINT[1:]]], "E_WAYPOINT_RANGE", {"name": "x"}),
         ([[10**400, *WAYPOINT[1:]]], "E_WAYPOINT_RANGE", {"given": 10**400}),
-        ([[*WAYPOINT[:4], -(10**400), 0]], "E_WAYPOINT_RANGE", {"name": "pitch"}),
         (np.zeros((2, 3)), "E_WAYPOINT_COUNT", WHERE | {"count": 3}),
         (np.zeros(6), "E_WAYPOINT_LIST", WHERE),
         (np.zeros((1, 6), dtype=complex), "E_WAYPOINT_NUMBER", {"name": "x"}),

@@ -21,6 +21,7 @@ from tests.support.panda import on_panda
 from tests.support.playing import evaluate_batch
 from tests.support.refusing import fits, refused
 from tests.support.scene_files import SCENES
+from tests.support.text import replaced_all
 
 BOXES = installed().create("tool", "boxes")
 (FUNNEL,) = [scene for scene in SCENES if scene.stem == "UseFunnel"]
@@ -103,7 +104,9 @@ def test_without_its_fixture_it_earns_little(task):
 def named(tmp_path_factory):
     """The task with a goal that names the fixture."""
     file = tmp_path_factory.mktemp("named") / "scene.yaml"
-    file.write_text(FUNNEL.read_text().replace("inside: bottle", "inside: fixture"))
+    file.write_text(
+        replaced_all(FUNNEL.read_text(), ("inside: bottle", "inside: fixture"))
+    )
     return on_panda(installed().create("task", "file", file=str(file)))
 
 

@@ -13,6 +13,7 @@ from core.imports.kinds import (
     tell_kind,
 )
 from tests.support.hands import hand
+from tests.support.text import replaced_all
 
 
 def urdf(count, kind="revolute", effort=' effort="10" velocity="1"'):
@@ -43,7 +44,7 @@ def mjcf(count, joint='<joint type="hinge"/>'):
         ("a.urdf", urdf(3, effort=""), SCENE),  # such as a lamp that nothing drives
         ("a.urdf", hand(), GRIPPER),
         ("a.urdf", hand(second="0 1 0"), SCENE),  # such as two drawers
-        ("a.urdf", hand(effort="").replace(' velocity="1"', ""), SCENE),
+        ("a.urdf", replaced_all(hand(effort=""), (' velocity="1"', "")), SCENE),
         ("a.xml", mjcf(3), ARM),
         ("a.xml", mjcf(2), SCENE),
         ("a.xml", mjcf(3, "<joint type='free'/>"), SCENE),

@@ -8,6 +8,7 @@ from core.interfaces import Waypoints
 from core.plugins import installed
 from tests.support.engines import every_simulator, simulator
 from tests.support.playing import evaluate_batch
+from tests.support.text import replaced_all
 
 SCENE = """
 name: Sled
@@ -26,7 +27,7 @@ every: true
 
 def solved(tmp_path, engine, goal):
     file = tmp_path / "sled.yaml"
-    file.write_text(SCENE.replace("GOAL", goal))
+    file.write_text(replaced_all(SCENE, ("GOAL", goal)))
     task = installed().create("task", "file", file=str(file))
     home = Waypoints(np.array([[*task.home.position, *task.home.rpy]]))
     (tried,) = evaluate_batch(task, simulator(engine), [Candidate(Tool(), home)])

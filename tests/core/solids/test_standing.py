@@ -23,6 +23,7 @@ from core.solids.standing import (
     find_rate,
     list_flights,
 )
+from tests.support.text import replaced_all
 
 GREY = (0.5, 0.5, 0.5, 1.0)
 SCENE = """
@@ -50,7 +51,7 @@ def cube(name, x, z, side=0.05, mass=0.1, shape=Box):
 
 def warnings_of(tmp_path, ranges, scene=SCENE):
     file = tmp_path / "press.yaml"
-    file.write_text(scene.replace("RANGES", ranges))
+    file.write_text(replaced_all(scene, ("RANGES", ranges)))
     task = installed().create("task", "file", file=str(file), variation="wide")
     return list(find_layout_warnings(task))
 

@@ -1,4 +1,5 @@
 import json
+import math
 import pickle
 import re
 import time
@@ -27,6 +28,7 @@ from plugins.results.pages.runs import read_run
 from tasks.bring_cube import BringCube
 from tests.support.panda import on_panda
 from tests.support.playing import evaluate_batch
+from tests.support.refusing import refused
 
 ACTIONS = AnchoredActions()
 CUBE = Pose.xyz_rpy((0.6, 0.1, 0.02), (0.0, 0.0, 0.5))
@@ -139,10 +141,6 @@ def test_tempo_comes_along():
 
 def test_the_gripper_is_the_seventh_number():
     assert first({"offset": [0.5, 0, 0.4], "grip": 0.5}, gripper=True)[6] == 0.5
-    with pytest.raises(
-        DesignError, match="waypoint 1: 'grip' needs a tool on the gripper"
-    ):
-        plan({"offset": [0.5, 0, 0.4], "grip": 0.5})
 
 
 GOOD = {"offset": [0.5, 0.0, 0.4]}
@@ -161,39 +159,17 @@ def test_the_axes_may_be_those_of_a_third_body():
 
 
 @pytest.mark.parametrize(
-    ("written", "problem"),
+    ("step", "code"),
     [
-        (7, "must be a list of waypoints, not a number"),
-        ([], "has 0 waypoints"),
-        ([GOOD] * 201, "has 201 waypoints"),
-        ([GOOD, [0.5, 0, 0.4, 0, 0, 0]], "waypoint 2 must be an object with an offset"),
-        ([{}], "waypoint 1: offset"),
-        ([{"offset": [0.5, 0]}], r"waypoint 1: offset\.2"),
-        (
-            [{"offset": [0.5, 0, "0.4"]}],
-            r"waypoint 1: offset\.2: must be a number",
-        ),
-        ([{"offset": [0.5, 0, True]}], r"waypoint 1: offset\.2"),
-        ([{"offset": [0.5, 0, 99]}], r"waypoint 1: offset\.2"),
-        ([{"offset": [0.5, 0, float("nan")]}], r"waypoint 1: offset\.2"),
-        (
-            [GOOD | {"ofset": 1}],
-            r"waypoint 1: ofset: no key 'ofset' \(did you mean 'offset'\?\)",
-        ),
-        ([GOOD | {"anchor": "__import__('os')", "speed": -1}], "waypoint 1: speed"),
-        ([GOOD | {"axes": 3}], "waypoint 1: axes"),
-        ([GOOD | {"speed": 1, "seconds": 1}], "speed or seconds, not both"),
-        ([GOOD | {"through": True, "wait": 1}], "passed through has no wait"),
-        ([GOOD | {"through": "yes"}], "waypoint 1: through"),
-        ([GOOD | {"axes": "anchor", "toward": "goal"}], "leave 'axes' out"),
-        ([GOOD | {"share": 0.5}], "name it in 'toward'"),
-        ([GOOD | {"toward": "goal", "share": 1.5}], "waypoint 1: share"),
-        ([GOOD | {"speed": 1e999}], "waypoint 1: speed"),
+        ({"axes": 3}, "E_ENTRY_TEXT"),
+        ({"through": "yes"}, "E_ENTRY_WORD"),
+        ({"offset": [0.5, 0, "0.4"]}, "E_ENTRY_NUMBER"),
+        ({"speed": math.inf}, "E_ENTRY_RANGE"),
     ],
 )
-def test_what_is_wrong_is_said(written, problem):
-    with pytest.raises(DesignError, match=problem):
-        ACTIONS.parse(written, gripper=False)
+def test_what_replies_mend_is_refused(step, code):
+    with refused(code):
+        plan(GOOD | step)
 
 
 @pytest.mark.parametrize(
@@ -427,36 +403,6 @@ def test_a_plan_with_guards_is_written_as_it_is_read():
     again = ACTIONS.parse(written, gripper=False).resolve(SEEN)
     np.testing.assert_allclose(again.poses, waypoints.poses, atol=2e-5)
     assert again.guards == waypoints.guards
-
-
-@pytest.mark.parametrize(
-    ("steps", "said"),
-    [
-        ([HERE], "waypoint 1: 'here' is where a guard ended; none comes before"),
-        ([{**HERE, "until": "touch"}], "'here' is where a guard ended"),
-        ([FINDING], "waypoint 1: 'corrects' needs a waypoint before"),
-        ([HOVER, {**FINDING, "until": ""}], "'corrects' is for a guard"),
-        ([HOVER, {**FINDING, "corrects": []}], "'beyond' is for what a guard corrects"),
-        ([HOVER, {**FINDING, "corrects": ["world"]}], "not for 'world' or 'here'"),
-        (
-            [HOVER, {**FINDING, "corrects": ["cube"] * 51}],
-            "corrects: must have at most 50 items",
-        ),
-        ([{**GUARDED, "newtons": 0}], "until 'force' needs 'newtons' above 0"),
-        ([{**GUARDED, "until": "touch"}], "nothing else has them"),
-        (
-            [{**GUARDED, "newtons": -1}],
-            "newtons: must be greater than or equal to 0",
-        ),
-        ([{**GUARDED, "through": True}], "passed through has no guard"),
-        ([{"offset": [0.5, 0, 0.4], "otherwise": "end"}], "give 'until', too"),
-        ([{"offset": [0.5, 0, 0.4], "until": "smell"}], "until: must be"),
-        ([GUARDED] * 7, "has 7 guards; at most 6 are allowed"),
-    ],
-)
-def test_guards_that_mean_nothing_are_refused(steps, said):
-    with pytest.raises(DesignError, match=re.escape(said)):
-        plan(*steps)
 
 
 def test_the_model_hears_of_guards_only_where_it_may_use_them():

@@ -10,6 +10,7 @@ from core.errors import UsageError, UserError
 from plugins.commands.evaluate import configured, main, show
 from tests.core.run_folders import write_run
 from tests.support.commands import python_m
+from tests.support.text import replaced_all
 
 SOLUTION = Path(__file__).parents[2] / "tasks" / "solutions" / "BringCube.json"
 ANCHORED = Path(__file__).parents[2] / "tasks" / "anchored"
@@ -30,7 +31,9 @@ def evaluated(tmp_path_factory):
         [[0.5, 0, 0.5, 0, 0, 0]],
     ]
     off = good | {
-        "tool_urdf": good["tool_urdf"].replace('type="fixed"', 'type="revolute"')
+        "tool_urdf": replaced_all(
+            good["tool_urdf"], ('type="fixed"', 'type="revolute"')
+        )
     }
     (folder / "designs.json").write_text(
         json.dumps({"strategies": [good | {"action_sets": plans}, off]})

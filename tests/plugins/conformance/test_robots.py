@@ -11,6 +11,7 @@ from core.plugins import installed
 from core.robot.writing import write
 from plugins.conformance.suites import SUITES, examine
 from tests.support.rare import rare
+from tests.support.text import replaced_all
 
 pytestmark = pytest.mark.slow
 
@@ -20,10 +21,7 @@ def ur5(**changes):
 
 
 def rewritten(*changes):
-    text = write(ur5().description)
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
+    text = replaced_all(write(ur5().description), *changes)
     return ur5(description=read_tree(read_xml(text.encode(), Path("ur5"))))
 
 

@@ -9,6 +9,7 @@ from core.config.schemas import PromptSettings
 from core.interfaces import Budget, Reply
 from tests.support.designers import Canned, designer
 from tests.support.spelled import RAW, read, spell
+from tests.support.text import replaced_all
 
 pytestmark = pytest.mark.slow
 
@@ -19,8 +20,7 @@ LINK = '<link name=\\"rod\\">'
 
 def swap(old, new):
     """Make the sound reply with one piece replaced by another."""
-    assert old in DOC
-    return DOC.replace(old, new)
+    return replaced_all(DOC, (old, new))
 
 
 def strategy(**changes):
@@ -70,7 +70,9 @@ READ = {
     "a grip too many": strategy(action_sets=[[[*pose, 0] for pose in PLANS[0]]]),
     "camel case": swap("tool_urdf", "toolUrdf"),
     "a shorter name": swap("tool_urdf", "urdf"),
-    "another name of plans": swap("action_sets", "trajectories".replace("ies", "y")),
+    "another name of plans": swap(
+        "action_sets", replaced_all("trajectories", ("ies", "y"))
+    ),
     "lines": strategy(tool_urdf=RAW.replace("><", ">\n<").splitlines()),
     "HTML": strategy(tool_urdf=RAW.replace("<", "&lt;").replace(">", "&gt;")),
     "a robot around it": strategy(tool_urdf=f"<robot>{RAW}</robot>"),

@@ -13,6 +13,7 @@ from plugins.replies import saving
 from plugins.replies.assumptions import assume
 from plugins.replies.saving import MAX_SAVED
 from tests.support.rods import PLAN, STRATEGY, TASK, Rod
+from tests.support.text import replaced, replaced_all
 
 pytestmark = pytest.mark.slow
 
@@ -125,17 +126,19 @@ def test_strategies_after_a_malformed_one_are_kept():
     [
         TEXT.replace("]", ", ]").replace("}]", ",\n}]"),
         TEXT.replace("]", '] // up ] "\n'),
-        TEXT.replace("[[0", "/* it's \" a\ncomment */ [[0", 1),
+        replaced(TEXT, ("[[0", "/* it's \" a\ncomment */ [[0")),
         'Say " and {' + TEXT.replace("]", ",]"),
     ],
 )
 def test_comments_and_extra_commas_are_ignored(loose):
-    tricky = loose.replace("'{a}'", "'{a},] /* // */'")  # within a text they stay
+    tricky = replaced_all(
+        loose, ("'{a}'", "'{a},] /* // */'")
+    )  # within a text they stay
     assert parse_reply(tricky)["strategies"] == [
         {
             **DOCUMENT["strategies"][0],
-            "tool_urdf": DOCUMENT["strategies"][0]["tool_urdf"].replace(
-                "{a}", "{a},] /* // */"
+            "tool_urdf": replaced_all(
+                DOCUMENT["strategies"][0]["tool_urdf"], ("{a}", "{a},] /* // */")
             ),
         }
     ]

@@ -13,6 +13,7 @@ from core.designs.reading import read_designs
 from core.designs.replies import parse_reply
 from core.plugins import installed
 from tests.support.hostile import bring_cube
+from tests.support.text import replaced_all
 
 TURN = 1.5707963267948966
 BOX = {
@@ -75,8 +76,8 @@ def spell(entry):
     middle = fenced.index("strategies")
     texts = {
         "DOC": document,
-        "SECOND": document.replace('"s"', '"t"'),
-        "THIRD": document.replace('"s"', '"u"'),
+        "SECOND": replaced_all(document, ('"s"', '"t"')),
+        "THIRD": replaced_all(document, ('"s"', '"u"')),
         "FENCED_A": fenced[:middle],
         "FENCED_B": fenced[middle:],
         "FENCED": fenced,

@@ -19,6 +19,7 @@ from core.robot.writing import write
 from plugins.robots.own_arm import read_robot
 from tests.plugins.robots.conftest import take
 from tests.support.outside_arm import FLANGE, HOME
+from tests.support.text import replaced_all
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 
@@ -31,11 +32,7 @@ def package(file, tmp_path):
 
 
 def change(urdf, *changes):
-    text = urdf.read_text()
-    for old, new in changes:
-        assert old in text, old
-        text = text.replace(old, new)
-    urdf.write_text(text)
+    urdf.write_text(replaced_all(urdf.read_text(), *changes))
     return urdf
 
 
@@ -464,7 +461,7 @@ def test_an_arm_collides_as_it_is_drawn(package):
 
 def test_what_only_a_picture_needs_is_a_note(package, caplog):
     drawn, _, solid = package.read_text().rpartition("wrist_pitch.obj")
-    drawn = drawn.replace("wrist_pitch.obj", "nice.obj")
+    drawn = replaced_all(drawn, ("wrist_pitch.obj", "nice.obj"))
     package.write_text(f"{drawn}wrist_pitch.obj{solid}")
     robot = read_robot(package, HOME, FLANGE)
     assert len(robot_solids(robot, False)) == 7

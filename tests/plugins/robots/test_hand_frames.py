@@ -14,6 +14,7 @@ from plugins.robots.example_robots import robots_folder
 from plugins.robots.own_arm import read_robot
 from tests.plugins.robots.conftest import take
 from tests.support.outside_arm import FLANGE, HOME
+from tests.support.text import replaced_all
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 HAND = GripperOptions("palm", ("slide_a", "slide_b"))
@@ -65,7 +66,7 @@ def write_hand(file, turn, roll="0 0 0", name="hand.urdf"):
 
     written = file.parent / name
     written.write_text(
-        file.read_text().replace("</robot>", "".join(parts) + "</robot>")
+        replaced_all(file.read_text(), ("</robot>", "".join(parts) + "</robot>"))
     )
     return written
 

@@ -10,6 +10,7 @@ from core.support.sandbox import isolated
 from plugins.robots import hulls
 from plugins.robots.hulls import Job
 from tests.plugins.tasks.file.imports.conftest import called
+from tests.support.text import replaced_all
 
 
 def hull_file(mesh, scale=(1.0, 1.0, 1.0)):
@@ -66,8 +67,9 @@ def test_scale_and_the_unit_of_collada_count(write):
     assert trimesh.load_mesh(scaled).volume > 0
     file = write("a.dae")
     file.write_text(
-        file.read_text().replace(
-            "<up_axis>", '<unit name="centimeter" meter="0.01"/><up_axis>'
+        replaced_all(
+            file.read_text(),
+            ("<up_axis>", '<unit name="centimeter" meter="0.01"/><up_axis>'),
         )
     )
     np.testing.assert_allclose(
@@ -203,7 +205,9 @@ def test_doubled_nodes_of_collada_end_with_their_process(write, monkeypatch):
     library = f"<library_nodes>{node}{''.join(nodes)}</library_nodes>"
     text = text.replace(first[0], '<node id="top"><instance_node url="#n40"/></node>')
     file.write_text(
-        text.replace("<library_visual_scenes>", f"{library}<library_visual_scenes>")
+        replaced_all(
+            text, ("<library_visual_scenes>", f"{library}<library_visual_scenes>")
+        )
     )
     with pytest.raises(
         UserError,

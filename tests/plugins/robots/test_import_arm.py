@@ -9,6 +9,7 @@ from plugins.robots.example_robots import robots_folder
 from plugins.robots.own_arm import read_robot
 from tests.plugins.robots.conftest import take
 from tests.support.outside_arm import FLANGE, HOME
+from tests.support.text import replaced, replaced_all
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 
@@ -53,13 +54,12 @@ def test_joints_are_found_and_the_arm_takes_them(file, capsys, base, at):
 
 
 def test_all_that_is_wrong_is_said_at_once(file):
-    text = (
-        file.read_text()
-        .replace('velocity="2.6"', 'velocity="0"')
-        .replace('effort="40" ', "", 1)
+    text = replaced(
+        replaced_all(file.read_text(), ('velocity="2.6"', 'velocity="0"')),
+        ('effort="40" ', ""),
     )
     (file.parent / "wrong.urdf").write_text(
-        text.replace('<mass value="0.172"/>', '<mass value="0"/>')
+        replaced_all(text, ('<mass value="0.172"/>', '<mass value="0"/>'))
     )
     with pytest.raises(UserError) as caught:
         take(["robot=urdf", f"robot.path={file.parent / 'wrong.urdf'}"])
@@ -93,7 +93,7 @@ def test_a_joint_that_blocks_is_named(file):
     """The elbow's range is too small for a place so near."""
     elbow = 'name="joint_3" type="revolute">'
     before, after = file.read_text().split(elbow)
-    tight = after.replace('lower="-2.9" upper="2.9"', 'lower="-0.1" upper="0.3"', 1)
+    tight = replaced(after, ('lower="-2.9" upper="2.9"', 'lower="-0.1" upper="0.3"'))
     (file.parent / "tight.urdf").write_text(f"{before}{elbow}{tight}")
     with pytest.raises(
         UserError,
@@ -128,7 +128,7 @@ def test_what_hangs_where_tools_go_is_named(file, capsys):
     joint = '<joint name="on" type="fixed"><parent link="tool0"/><child link="lamp"/></joint>'
     hung = f'<link name="lamp">{box}</link>{joint}'
     (file.parent / "lamp.urdf").write_text(
-        file.read_text().replace("</robot>", f"{hung}</robot>")
+        replaced_all(file.read_text(), ("</robot>", f"{hung}</robot>"))
     )
     take(
         [

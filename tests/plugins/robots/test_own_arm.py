@@ -20,6 +20,7 @@ from plugins.robots.arm_settings import BoltOptions, GripperOptions
 from plugins.robots.own_arm import read_robot
 from tests.support.hands import gripped
 from tests.support.outside_arm import FLANGE, HOME, LIMIT
+from tests.support.text import replaced_all
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 
@@ -29,10 +30,7 @@ def changed(file):
     """Write the arm's URDF with parts of its text replaced, and read it."""
 
     def read(*changes, home=HOME, flange=FLANGE, name="changed.urdf", **options):
-        text = file.read_text()
-        for old, new in changes:
-            assert old in text
-            text = text.replace(old, new)
+        text = replaced_all(file.read_text(), *changes)
         (file.parent / name).write_text(text)
         return read_robot(file.parent / name, home, flange, **options)
 
@@ -129,7 +127,7 @@ def test_a_mount_turned_by_hand(changed):
 
 def test_continuous_joints_turn_twice_at_most(changed):
     first = '"joint_1" type="revolute"'
-    robot = changed((first, first.replace("revolute", "continuous")))
+    robot = changed((first, replaced_all(first, ("revolute", "continuous"))))
     np.testing.assert_allclose(arm_of(robot).upper, [2 * np.pi, *[LIMIT] * 5])
 
 

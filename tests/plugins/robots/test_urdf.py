@@ -13,6 +13,7 @@ from plugins.conformance.suites import SUITES
 from tests.support.hands import gripped
 from tests.support.outside_arm import FLANGE, HOME, write_arm
 from tests.support.rare import rare
+from tests.support.text import replaced_all
 
 ROOT = Path(__file__).parents[3]
 GRIPPER = "robot.gripper={link:hand_base,joints:[left,right],force_n:30}"
@@ -64,7 +65,9 @@ def test_it_is_drawn_in_its_own_colours(words, sim):
 def test_settings_of_a_gripper(words):
     file = Path(words[1].removeprefix("robot.path="))
     ((old, new),) = gripped()
-    file.with_name("gripped.urdf").write_text(file.read_text().replace(old, new))
+    file.with_name("gripped.urdf").write_text(
+        replaced_all(file.read_text(), (old, new))
+    )
     path = f"robot.path={file.with_name('gripped.urdf')}"
     chosen, again = (
         part("robot", load("evaluate", [*words, path, GRIPPER]).robot) for _ in range(2)

@@ -16,6 +16,7 @@ from core.store.reader import StoredRun
 from plugins.results.toolbox.toolbox_command import main as toolbox
 from tests.core.run_folders import hook, write_run
 from tests.support.scene_files import SCENES
+from tests.support.text import replaced_all
 
 LONG_POST = Tool(
     (
@@ -130,7 +131,9 @@ def test_a_model_that_is_told_no_numbers_gets_none_by_a_plan(library):
 def test_kept_tools_without_the_fixture_that_goals_name_are_refused(library, tmp_path):
     (funnel,) = [scene for scene in SCENES if scene.stem == "UseFunnel"]
     file = tmp_path / "named.yaml"
-    file.write_text(funnel.read_text().replace("inside: bottle", "inside: fixture"))
+    file.write_text(
+        replaced_all(funnel.read_text(), ("inside: bottle", "inside: fixture"))
+    )
     words = ["tool=known", f"tool.library={library}", "task=file", f"task.file={file}"]
     cfg = load("config", [*SMALL[1:], *words])
     designer, _ = build_designer(cfg, part(MODEL, cfg.vlm).create(), event_hub())

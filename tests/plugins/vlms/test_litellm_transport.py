@@ -10,6 +10,7 @@ import pytest
 from tests.plugins.vlms.asking import KEYS, PROTOCOLS, ask, in_turn
 from tests.plugins.vlms.servers import Call, Say, Send, Stall, document, serving
 from tests.support.rare import rare
+from tests.support.text import replaced_all
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("planted", "warm")]
 
@@ -27,7 +28,7 @@ def redirecting(status, target):
 )
 def test_no_redirect_is_followed(protocol, status):
     with serving(lambda call: Say()) as other:
-        target = other.url.replace("127.0.0.1", "localhost")
+        target = replaced_all(other.url, ("127.0.0.1", "localhost"))
         with serving(redirecting(status, target)) as server:
             reply = ask(server, protocol)[0]
     assert other.calls == []
@@ -170,7 +171,7 @@ FEW = [(protocol, paths[0]) for protocol, paths in FIELDS.items()]
 def test_a_wrong_field_gives_a_reply_that_can_be_stored(protocol, path, one_try):
     bodies = [changed(protocol, path, value) for value in WRONG]
     bodies += [
-        changed(protocol, path, NAN).replace(f'"{NAN}"', number)
+        replaced_all(changed(protocol, path, NAN), (f'"{NAN}"', number))
         for number in ("NaN", "-Infinity", "1e999")
     ]
     turn = iter(bodies)

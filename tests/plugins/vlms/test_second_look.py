@@ -11,6 +11,7 @@ from core.errors import LimitReached
 from core.geometry import Box, Pose
 from core.interfaces import Budget, Reply, Text
 from tests.support.designers import PLAN, ROD, URDF, Canned, designer
+from tests.support.text import replaced_all
 
 pytestmark = pytest.mark.slow
 
@@ -18,7 +19,7 @@ FAR = [[9.0, 0.0, 0.4, 0.0, 0.0, 0.0]]
 SOUND = {**URDF.dump(ROD), "action_sets": [PLAN, PLAN]}
 APART = {
     **SOUND,
-    "tool_urdf": SOUND["tool_urdf"].replace('xyz="0 0 -0.1"', 'xyz="0 0 -0.2"'),
+    "tool_urdf": replaced_all(SOUND["tool_urdf"], ('xyz="0 0 -0.1"', 'xyz="0 0 -0.2"')),
 }
 ONE_PLAN = {**SOUND, "action_sets": [PLAN, FAR]}
 BUDGET = Budget(1, 3, 2, 0, 5, 0.6)
@@ -76,7 +77,7 @@ def test_a_reply_of_which_nothing_can_be_read_names_the_limit_that_cut_it_off():
 
 
 def test_a_sound_tool_stays_and_so_do_its_sound_plans():
-    longer = {**SOUND, "tool_urdf": SOUND["tool_urdf"].replace("0.2", "0.18")}
+    longer = {**SOUND, "tool_urdf": replaced_all(SOUND["tool_urdf"], ("0.2", "0.18"))}
     moved = [[0.45, 0.0, 0.4, 0.0, 0.0, 0.0]]
     vlm = answering(text_of(ONE_PLAN), text_of({**longer, "action_sets": [moved]}))
     first, second = ask(vlm)

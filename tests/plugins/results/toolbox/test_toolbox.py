@@ -20,6 +20,7 @@ from plugins.results.toolbox.toolbox_command import main, write
 from tests.core.run_folders import hook, write_run
 from tests.support.panda import PANDA
 from tests.support.scene_files import SCENES
+from tests.support.text import replaced_all
 
 pytestmark = pytest.mark.slow
 
@@ -176,7 +177,7 @@ def test_a_task_whose_goals_name_a_fixture_is_not_for_a_tool_without_one(tmp_pat
     held = SimpleNamespace(tool=hook(0.2), representation=SimpleNamespace(robot=PANDA))
     config = SimpleNamespace(seed=0)
     for goal, starts in (("bottle", True), ("fixture", False)):
-        file.write_text(text.replace("inside: bottle", f"inside: {goal}"))
+        file.write_text(replaced_all(text, ("inside: bottle", f"inside: {goal}")))
         assert (
             trials._starts(held, config, {"name": "file", "file": str(file)}) == starts
         )

@@ -11,6 +11,7 @@ from tests.support.engines import mujoco_first, simulator
 from tests.support.panda import on_panda
 from tests.support.playing import evaluate_batch
 from tests.support.scene_files import task_of
+from tests.support.text import replaced_all
 
 STAND = "{bodies: [cup], at: fixture, place: [null, null, '> 0.1'], stands_on: fixture}"
 SCENE = """name: Fixtures
@@ -27,7 +28,7 @@ INTO = "{bodies: [ball], inside: fixture, rest: true}"
 
 def read(folder, goal, pose, *parts, path=((0.5, 0, 0.52),)):
     """Read a design whose fixture has boxes of a size at a position; its tool is a rod that gets to the places."""
-    task = on_panda(task_of(folder, SCENE.replace("GOAL", goal)))
+    task = on_panda(task_of(folder, replaced_all(SCENE, ("GOAL", goal))))
 
     def box(number, size, position, parent):
         given = {"name": f"b{number}", "parent": parent, "size": size}
@@ -77,7 +78,7 @@ def test_a_fixtures_frame_stands_upright(tmp_path, turn):
 
 @pytest.mark.parametrize(
     ("goal", "offset", "refused"),
-    [(STAND, 0.04, False), (STAND, 0.06, True), (INTO.replace("inside", "facing"), 0.06, False)],
+    [(STAND, 0.04, False), (STAND, 0.06, True), (replaced_all(INTO, ("inside", "facing")), 0.06, False)],
 )  # fmt: skip
 def test_a_place_is_measured_from_within_the_fixture(tmp_path, goal, offset, refused):
     tile = ([0.05, 0.09, 0.004], [0, offset, 0.002])

@@ -6,9 +6,11 @@ from core.solids.hindrances import find_hindrances
 from plugins.conformance.suites import examine
 from plugins.tasks.file.task import FileTask
 from tests.support.panda import on_panda
+from tests.support.text import replaced_all
 
 SLIDE = "  - {name: slide, kind: slider, body: lid, parent: chest, axis: [0, 1, 0], lower: 0, upper: 0.25}\n"
-CHEST = """
+CHEST = replaced_all(
+    """
 name: Chest
 description: A chest with a sliding lid, which a bolt holds shut, has a ball in it; bring that onto the table.
 bodies:
@@ -27,7 +29,9 @@ joints:
 SLIDE_HERE  - {name: latch, kind: slider, body: bolt, parent: chest, axis: [1, 0, 0], lower: 0, upper: 0.06}
 goals:
   - {bodies: [ball], place: [0.5, -0.3, null], tolerance: 0.05}
-""".replace("SLIDE_HERE", SLIDE)
+""",
+    ("SLIDE_HERE", SLIDE),
+)
 PUSH = """
 name: Push
 description: A block of 1 kg stands on the table; push it to the left, and press it no harder than is allowed.
@@ -78,7 +82,7 @@ def test_a_way_out_is_a_way_out(hindrances, before, after):
 
 @pytest.mark.parametrize(("allowed", "count"), [(4.7, 1), (5.0, 0)])
 def test_a_force_that_moves_nothing_is_named(hindrances, allowed, count):
-    _, lines = hindrances(PUSH.replace("4.0", str(allowed)))
+    _, lines = hindrances(replaced_all(PUSH, ("4.0", str(allowed))))
     assert len(lines) == count
     for line in lines:
         assert "block weighs 9.81 N" in line
@@ -86,8 +90,10 @@ def test_a_force_that_moves_nothing_is_named(hindrances, allowed, count):
 
 
 def test_a_limit_on_another_body_is_none_on_this_one(hindrances):
-    text = PUSH.replace("max_force_n: 4.0", "max_force_n: 4.0, by: [block]")
-    _, lines = hindrances(text.replace("untouched: [block]", "untouched: [table]"))
+    text = replaced_all(PUSH, ("max_force_n: 4.0", "max_force_n: 4.0, by: [block]"))
+    _, lines = hindrances(
+        replaced_all(text, ("untouched: [block]", "untouched: [table]"))
+    )
     assert lines == []
 
 

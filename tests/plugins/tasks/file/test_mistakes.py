@@ -16,6 +16,7 @@ from plugins.tasks.file.task import FileTask
 from plugins.tasks.file.tree import MAX_BYTES
 from tests.support.refusing import refused
 from tests.support.scene_files import OPEN_DOOR
+from tests.support.text import replaced_all
 
 
 @pytest.fixture
@@ -79,7 +80,7 @@ def test_a_pipe_or_an_odd_name_is_refused_at_once(file):
         FileTask("my\0scene")
     (file.parent / "pipe.stl").symlink_to(file)
     file.with_name("scene.yaml").write_text(
-        OPEN_DOOR.replace("sphere: {radius: 0.04}", "file: pipe.stl")
+        replaced_all(OPEN_DOOR, ("sphere: {radius: 0.04}", "file: pipe.stl"))
     )
     with pytest.raises(
         UserError, match=r"bodies.2.: mesh .*my_scene.yaml is no regular file"
@@ -94,13 +95,15 @@ def test_variations_are_few_and_built_twice_each(file, monkeypatch):
         for n in range(20)
     ]
     assert "at most 20 items" in line_of(
-        file, OPEN_DOOR.replace("  near:", f"{''.join(ranges)}  near:")
+        file, replaced_all(OPEN_DOOR, ("  near:", f"{''.join(ranges)}  near:"))
     )
     built = []
     monkeypatch.setattr(
         building, "build_scene", lambda *given: built.append(1) or build_scene(*given)
     )
-    file.write_text(OPEN_DOOR.replace("  near:", f"{''.join(ranges[:19])}  near:"))
+    file.write_text(
+        replaced_all(OPEN_DOOR, ("  near:", f"{''.join(ranges[:19])}  near:"))
+    )
     assert len(FileTask(file.name).variations) == 20
     assert len(built) == 1 + 2 * 20
 
@@ -109,7 +112,7 @@ def test_a_link_that_leads_out_of_the_folder_is_not_followed(file, tmp_path_fact
     outside = tmp_path_factory.mktemp("outside") / "ball.stl"
     outside.write_bytes(b"solid")
     (file.parent / "ball.stl").symlink_to(outside)
-    text = OPEN_DOOR.replace("sphere: {radius: 0.04}", "file: ball.stl")
+    text = replaced_all(OPEN_DOOR, ("sphere: {radius: 0.04}", "file: ball.stl"))
     assert "ball.stl is not in folder" in line_of(file, text)
 
 

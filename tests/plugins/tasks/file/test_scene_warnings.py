@@ -13,6 +13,7 @@ from plugins.tasks.file.scene_warnings import (
 )
 from tests.support.panda import on_panda
 from tests.support.scene_files import task_of
+from tests.support.text import replaced, replaced_all
 
 BODY = "\n  - {name: tin, cylinder: {radius: 0.03, length: 0.1}, position: [0.7, 0.2, 0.05], mass: 0.2}"
 
@@ -23,7 +24,7 @@ def text(tmp_path):
 
 
 def warnings_of(tmp_path, text, body=""):
-    task = task_of(tmp_path, text.replace("\nbodies:", f"\nbodies:{body}", 1), "none")
+    task = task_of(tmp_path, replaced(text, ("\nbodies:", f"\nbodies:{body}")), "none")
     return list(find_warnings(task.scene(0)))
 
 
@@ -48,7 +49,7 @@ def test_units_that_were_mixed_up_and_bodies_in_the_air(tmp_path, text, old, new
     assert warnings_of(tmp_path, text, BODY) == warnings_of(tmp_path, text) == []
     assert any(
         line.startswith(said)
-        for line in warnings_of(tmp_path, text, BODY.replace(old, new, 1))
+        for line in warnings_of(tmp_path, text, replaced(BODY, (old, new)))
     )
 
 
@@ -77,15 +78,15 @@ def test_what_is_described_and_earns_nothing(description, goals, said):
     ],
 )
 def test_a_run_says_at_once_what_overlaps(tmp_path, text, caplog, old, new, said):
-    body = BODY.replace(old, new)
-    text = text.replace("\nbodies:", f"\nbodies:{body}", 1)
+    body = replaced_all(BODY, (old, new))
+    text = replaced(text, ("\nbodies:", f"\nbodies:{body}"))
     check_starts(on_panda(task_of(tmp_path, text, "none")))
     assert said in caplog.text
     assert ("overlap" in caplog.text) == bool(said)
 
 
 def test_a_run_says_at_once_what_this_arm_does_not_reach(tmp_path, text, caplog):
-    far = text.replace("[1.0, 0.1, 0.04]", "[1.0, 3.5, 0.04]", 1)
+    far = replaced(text, ("[1.0, 0.1, 0.04]", "[1.0, 3.5, 0.04]"))
     check_starts(on_panda(task_of(tmp_path, far, "none")))
     assert "block, or where it is to be, is out of reach" in caplog.text
 
@@ -97,7 +98,9 @@ def test_soft_bodies_in_the_air(tmp_path, text):
         "body rag begins in the air: it falls by 100"
     ]
     assert (
-        warnings_of(tmp_path, text, cloth.replace("position", "pinned: [0], position"))
+        warnings_of(
+            tmp_path, text, replaced_all(cloth, ("position", "pinned: [0], position"))
+        )
         == []
     )
 
@@ -136,7 +139,7 @@ goals:
 def test_what_joints_and_bonds_do_not_do(tmp_path, caplog, old, new, said):
     task_of(tmp_path, DRAWER, "none")
     assert caplog.text == ""
-    task_of(tmp_path, DRAWER.replace(old, new), "none")
+    task_of(tmp_path, replaced_all(DRAWER, (old, new)), "none")
     assert said in caplog.text
     assert len(caplog.records) == 1
 
@@ -152,7 +155,7 @@ def test_what_joints_and_bonds_do_not_do(tmp_path, caplog, old, new, said):
 )  # fmt: skip
 def test_a_place_inside_of_what_is_fixed(tmp_path, place, said):
     goal = f"{{bodies: [ball], place: {place}}}"
-    text = DRAWER.replace("{bodies: [drawer], place: [0.55, 0, null]}", goal)
+    text = replaced_all(DRAWER, ("{bodies: [drawer], place: [0.55, 0, null]}", goal))
     found = list(on_panda(task_of(tmp_path, text, "none")).find_warnings())
     assert [line[: len(said)] for line in found] == [said] * bool(said)
 
@@ -179,7 +182,7 @@ goals:
     ],
 )  # fmt: skip
 def test_a_joint_that_something_fixed_stops_before_its_goal(tmp_path, old, new, said):
-    text = BUTTON.replace(old, new) if old else BUTTON
+    text = replaced_all(BUTTON, (old, new)) if old else BUTTON
     found = list(on_panda(task_of(tmp_path, text, "none")).find_warnings())
     assert [line[: len(said)] for line in found] == [said] * bool(said)
 
@@ -202,8 +205,8 @@ def test_many_bodies_that_overlap_are_said_in_few_lines(tmp_path):
 )  # fmt: skip
 def test_what_is_lost_before_the_robot_moves(tmp_path, caplog, key, said):
     ball = "{name: ball, sphere: 0.02,"
-    text = DRAWER.replace(ball, f"{ball} {key},").replace(
-        "null]}", "null], keep: [ball]}"
+    text = replaced_all(
+        DRAWER.replace(ball, f"{ball} {key},"), ("null]}", "null], keep: [ball]}")
     )
     task_of(tmp_path, text, "none")
     assert said in caplog.text
@@ -222,7 +225,6 @@ def test_what_is_lost_before_the_robot_moves(tmp_path, caplog, key, said):
 )  # fmt: skip
 def test_degrees_that_look_like_radians(tmp_path, caplog, angles, said):
     ball = "{name: ball, sphere: 0.02,"
-    assert ball in DRAWER
     task_of(tmp_path, DRAWER.replace(ball, f"{ball} rpy_deg: {angles},"), "none")
     assert said in caplog.text
     assert len(caplog.records) == bool(said)
@@ -265,16 +267,16 @@ def test_in_the_air_is_looked_for_where_gravity_draws(tmp_path):
 )  # fmt: skip
 def test_goals_that_are_seldom_meant(tmp_path, text, goal, said):
     lines = said_of_goals(
-        tmp_path, text.replace("\nbodies:", f"\nbodies:{BODY}", 1), goal
+        tmp_path, replaced(text, ("\nbodies:", f"\nbodies:{BODY}")), goal
     )
     assert len(lines) == bool(said)
     assert said in "".join(lines)
 
 
 def test_they_are_said_once_for_a_file(tmp_path, text, caplog):
-    heavy = BODY.replace("mass: 0.2", "mass: 250")
+    heavy = replaced_all(BODY, ("mass: 0.2", "mass: 250"))
     for _ in range(2):
-        task_of(tmp_path, text.replace("\nbodies:", f"\nbodies:{heavy}", 1))
+        task_of(tmp_path, replaced(text, ("\nbodies:", f"\nbodies:{heavy}")))
     assert [record.message.partition(": ")[2] for record in caplog.records] == [
         "body tin weighs 250 kg; grams?",
         "body tin has 8.84e+05 kg/m^3; kilograms and metres are read",
@@ -290,7 +292,7 @@ def test_they_are_said_once_for_a_file(tmp_path, text, caplog):
     ],
 )
 def test_what_a_joint_bears_is_never_held(tmp_path, goal, refused):
-    text = BUTTON.replace('{joint: press, to: "> 0.008"}', goal)
+    text = replaced_all(BUTTON, ('{joint: press, to: "> 0.008"}', goal))
     if not refused:
         task_of(tmp_path, text, "none")
         return

@@ -32,6 +32,7 @@ from plugins.vlms.context.excerpts import helpers, task_source
 from tests.support.engines import every_simulator, simulator
 from tests.support.panda import on_panda
 from tests.support.scene_files import FOLDER, OPEN_DOOR, task_of
+from tests.support.text import replaced_all
 
 ROOT = Path(__file__).parents[4]
 SCENES = ROOT / "tasks/scenes"
@@ -160,12 +161,12 @@ def test_a_body_may_be_of_parts_with_a_density(tmp_path):
 
 def test_a_body_may_be_a_mesh(tmp_path):
     trimesh.creation.box((40, 20, 10)).export(tmp_path / "brick.stl")
-    text = OPEN_DOOR.replace(
-        "sphere: {radius: 0.04}", "file: brick.stl\n    scale: 0.001"
+    text = replaced_all(
+        OPEN_DOOR, ("sphere: {radius: 0.04}", "file: brick.stl\n    scale: 0.001")
     )
-    body = task_of(tmp_path, text.replace("mass: 0.2", "density: 1000")).scene(0)[
-        "ball"
-    ]
+    body = task_of(tmp_path, replaced_all(text, ("mass: 0.2", "density: 1000"))).scene(
+        0
+    )["ball"]
     assert body.mass == pytest.approx(0.008)
     assert isinstance(body.collisions[0].shape, Mesh)
     np.testing.assert_allclose(body.collisions[0].shape.bounds[1], [0.04, 0.02, 0.01])
@@ -196,11 +197,12 @@ def test_what_is_elastic_is_soft(tmp_path):
         task, 0
     )
     trimesh.creation.icosphere(radius=40).export(tmp_path / "ball.stl")
-    mesh = OPEN_DOOR.replace(
-        "sphere: {radius: 0.04}", "file: ball.stl\n    scale: 0.001"
+    mesh = replaced_all(
+        OPEN_DOOR, ("sphere: {radius: 0.04}", "file: ball.stl\n    scale: 0.001")
     )
-    mesh = mesh.replace(
-        "mass: 0.2\n    velocity: [0.1, 0, 0]", f"{elastic}\n    counts: [4, 4, 4]"
+    mesh = replaced_all(
+        mesh,
+        ("mass: 0.2\n    velocity: [0.1, 0, 0]", f"{elastic}\n    counts: [4, 4, 4]"),
     )
     ball = task_of(tmp_path, mesh).scene(0)["ball"]
     np.testing.assert_allclose(
@@ -214,7 +216,8 @@ def test_a_urdf_brings_bodies_and_joints(tmp_path):
     found = "\nimports:\n  - {file: lever.urdf, prefix: a_, position: [0.3, 0.4, 0.5], rpy_deg: [0, 0, 90]}\n"
     task = task_of(
         tmp_path,
-        OPEN_DOOR.replace("joint: hinge, to: 1.2", "joint: a_pin, to: 0.9") + found,
+        replaced_all(OPEN_DOOR, ("joint: hinge, to: 1.2", "joint: a_pin, to: 0.9"))
+        + found,
     )
     scene = task.scene(0)
     assert scene["a_arm"].collisions[0].shape == Box((0.1, 0.1, 0.1))
@@ -223,7 +226,9 @@ def test_a_urdf_brings_bodies_and_joints(tmp_path):
 
 
 def test_what_is_left_out_of_a_file_is_reported_once(tmp_path, caplog):
-    (tmp_path / "lever.urdf").write_text(URDF.replace("</robot>", "<gazebo/></robot>"))
+    (tmp_path / "lever.urdf").write_text(
+        replaced_all(URDF, ("</robot>", "<gazebo/></robot>"))
+    )
     text = OPEN_DOOR + "\nimports:\n  - {file: lever.urdf, position: [0.3, 0.4, 0.5]}\n"
     task_of(tmp_path, text)
     task_of(tmp_path, text)
@@ -233,7 +238,7 @@ def test_what_is_left_out_of_a_file_is_reported_once(tmp_path, caplog):
 
 def test_files_are_read_once(tmp_path):
     trimesh.creation.box((0.04, 0.02, 0.01)).export(tmp_path / "brick.stl")
-    text = OPEN_DOOR.replace("sphere: {radius: 0.04}", "file: brick.stl")
+    text = replaced_all(OPEN_DOOR, ("sphere: {radius: 0.04}", "file: brick.stl"))
     task = task_of(tmp_path, text, "near")
     (tmp_path / "brick.stl").unlink()
     assert task.scene(3)["ball"].mass == 0.2

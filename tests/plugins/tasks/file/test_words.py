@@ -12,6 +12,7 @@ from core.geometry import Pose
 from core.goals import goals_margins, goals_reward
 from core.scene import Trace
 from plugins.tasks.file.task import FileTask
+from tests.support.text import replaced_all
 
 WORDS = (Path(__file__).parent / "words.yaml").read_text()
 GOAL = "{bodies: [cup], away: 0.1}"
@@ -250,13 +251,15 @@ def test_a_goal_that_can_be_met_is_read(read, goal):
 @pytest.mark.parametrize(("old", "new", "why"), MISTAKES)
 def test_what_can_not_be_is_refused(read, old, new, why):
     with pytest.raises(UserError, match=why):
-        read(GOAL, WORDS.replace(old, new))
+        read(GOAL, replaced_all(WORDS, (old, new)))
 
 
 def test_a_mark_has_no_place_at_what_is_soft(read):
     cloth = "{size: [0.1, 0.1]}, elastic: {density: 300, young: 1.0e5}"
     rag = f"  - {{name: rag, cloth: {cloth}, position: [1, 0, 0.1]}}\njoints:"
-    text = WORDS.replace("at: cup, box", "at: rag, box").replace("joints:", rag)
+    text = replaced_all(
+        replaced_all(WORDS, ("at: cup, box", "at: rag, box")), ("joints:", rag)
+    )
     with pytest.raises(UserError, match="'rag' is soft, and has no frame that a mark"):
         read(GOAL, text)
 
@@ -286,7 +289,7 @@ def test_what_is_to_be_inside_is_aimed_at_where_it_rests(read, space, body, rest
 
 
 def test_where_gravity_draws_upward_it_rests_at_the_top(read):
-    text = WORDS.replace("[0, 0, -3.7]", "[0, 0, 3.7]")
+    text = replaced_all(WORDS, ("[0, 0, -3.7]", "[0, 0, 3.7]"))
     task = read("{bodies: [brick_0], inside: niche}", text)
     place = task.goals[0].place_of("brick_0", task.scene(0).state())
     assert place == pytest.approx((0.795, -0.3, 0.18), abs=0.006)
@@ -318,7 +321,7 @@ def test_the_way_in_is_climbed(read, body, space, places):
 
 def varied(tmp_path, ranges):
     file = tmp_path / "varied.yaml"
-    file.write_text(WORDS + VARIED.replace("RANGES", ranges))
+    file.write_text(WORDS + replaced_all(VARIED, ("RANGES", ranges)))
     return FileTask(str(file), "wide")
 
 
@@ -371,7 +374,7 @@ goals:
 
 def test_bodies_that_must_not_touch_and_begin_so_are_refused(read):
     with pytest.raises(UserError) as error:
-        read(GOAL, TOUCHING.replace("BALL", "lies"))
+        read(GOAL, replaced_all(TOUCHING, ("BALL", "lies")))
 
     problem = "lies must not touch plate, and begins at it: nothing could be earned"
     assert problem in str(error.value)
@@ -383,6 +386,8 @@ def test_bodies_that_must_not_touch_and_begin_so_are_refused(read):
 )
 def test_bodies_that_do_not_touch_at_the_start_may_be_kept_apart(read, limit, height):
     """A force of what touches at the start can be limited, and 0.8 mm are no contact."""
-    text = TOUCHING.replace("0.0402", str(height)).replace("BALL", limit)
-    text = text.replace("max_force_n: [2]", "max_force_n: 2")
+    text = replaced_all(
+        replaced_all(TOUCHING, ("0.0402", str(height))), ("BALL", limit)
+    )
+    text = text.replace("max_force_n: [2]", "max_force_n: 2")  # which one has
     assert len(read(GOAL, text).goals) == 2

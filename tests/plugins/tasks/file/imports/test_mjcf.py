@@ -15,6 +15,7 @@ from plugins.tasks.file.imports import mjcf, read_bodies
 from plugins.tasks.file.named_files import Files
 from plugins.tasks.file.task import FileTask
 from tests.plugins.tasks.file.imports.conftest import called
+from tests.support.text import replaced_all
 
 
 @pytest.fixture(autouse=True)
@@ -454,8 +455,8 @@ def test_a_scene_of_what_stands_names_the_word_that_sets_it_free(tmp_path):
         "imports: [{file: model.xml, position: [0.6, 0, 0.05]SET}]\n"
         "goals: [{bodies: [a], moved: [null, 0.2, null]}]\n"
     )
-    scene.write_text(text.replace("SET", ""))
+    scene.write_text(replaced_all(text, ("SET", "")))
     with pytest.raises(UserError, match="fixed: false"):
         FileTask(scene)
-    scene.write_text(text.replace("SET", ", fixed: false"))
+    scene.write_text(replaced_all(text, ("SET", ", fixed: false")))
     assert [body.name for body in FileTask(scene).scene(0).bodies if body.mass] == ["a"]

@@ -9,6 +9,7 @@ from core.errors import UserError
 from core.scene import Scene
 from plugins.tasks.file.imports import read_bodies
 from tests.support.cabinets import BOX, cabinet, joint, link, mesh
+from tests.support.text import replaced_all
 
 
 def read(folder, text, **options):
@@ -121,9 +122,9 @@ def test_a_mesh_of_a_very_long_path_is_soon_missed(tmp_path):
             link("a") + link("b", mass=1e5) + joint("j", "floating", "a", "b"),
             "'b' has 1e.05 kg",
         ),
-        (link("a", BOX.replace("0.2", "100000")), "'a' .* 20 m"),
+        (link("a", replaced_all(BOX, ("0.2", "100000"))), "'a' .* 20 m"),
         (
-            link("a", BOX.replace("0.2", "5e-324")),
+            link("a", replaced_all(BOX, ("0.2", "5e-324"))),
             "'a' has a collision shape of 4.94e-324 m; at least 1e-06 m",
         ),
         (cabinet('<limit lower="0" upper="900000"/>'), "its range"),
@@ -253,8 +254,12 @@ def test_what_moves_without_a_mass_gets_it_by_its_density(tmp_path):
     masses = {body.name: body.mass for body in made.bodies}
     assert masses == {"case": 0, "door": pytest.approx(600 * 0.1 * 0.2 * 0.3)}
 
-    heavy = WEIGHTLESS.replace(
-        '<link name="door">', '<link name="door"><inertial><mass value="3"/></inertial>'
+    heavy = replaced_all(
+        WEIGHTLESS,
+        (
+            '<link name="door">',
+            '<link name="door"><inertial><mass value="3"/></inertial>',
+        ),
     )
     again = read(tmp_path, heavy, density=600.0)
     assert {body.name: body.mass for body in again.bodies}["door"] == 3
