@@ -117,8 +117,9 @@ def test_the_sheet_has_the_forces_of_the_rollout_and_what_one_needs_at_the_bench
     found = json.loads((folder / "sheet.json").read_text())
     assert found["task"] == "OneBook"
     assert re.fullmatch(r"20\d\d-\d\d-\d\d", found["date"])
-    assert found["flange"].startswith(
-        "a ring of 4 bores M6 on a circle of 50 mm, the first at 0° from the mount's x; disc 63 mm"
+    assert found["flange"] == (
+        "a ring of 4 bores M6 on a circle of 50 mm, the first at 0° from the mount's x; disc 63 mm; recess 31.5 mm; "
+        "pin 6 mm at -135°"
     )
     assert "1 pin 6 m6 x 12" in found["hardware"]
     assert [piece["file"] for piece in found["pieces"]] == ["tool.stl"]

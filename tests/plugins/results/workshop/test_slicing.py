@@ -61,6 +61,12 @@ def test_hours_grams_and_supports_are_read(part, tmp_path):
     assert "Loose extrusions" in checks[1].found
 
 
+def test_a_profile_that_is_not_there_is_named(part, tmp_path):
+    printer = Printer(profile=str(tmp_path / "mine.ini"))
+    with pytest.raises(UserError, match=r"printer.profile=.*mine.ini: no such file"):
+        slice_plates(program(tmp_path, "exit 0"), [], printer, PLA)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -7,6 +7,8 @@ from core.design import Component, Tool
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.interfaces import Material
 from core.values.printers import Printer
+from plugins.results.workshop import body
+from plugins.results.workshop.body import bodies
 from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.solid import (
     box,
@@ -102,3 +104,10 @@ def test_a_solid_whose_bodies_touch_along_an_edge_is_closed():
     )
     assert mesh.is_volume
     assert mesh.volume == pytest.approx(2000)
+
+
+def test_a_weld_is_another_where_a_body_is_closed_but_not_as_it_lies(monkeypatch):
+    answers = iter([True, False, True, True])
+    monkeypatch.setattr(body, "closed", lambda mesh: next(answers))
+    bodies(Tool(LONG.components[:1]))
+    assert list(answers) == []
