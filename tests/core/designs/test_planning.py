@@ -142,6 +142,7 @@ def test_a_tempo_that_costs_too_much_is_refused_before_it_is_planned(
     ("yaws", "said"),
     [
         ([0, 5.0, 5.0], "waypoint 2: its yaw of 5 is read as radians, a turn of 286"),
+        ([1, 5.0, 5.0], "waypoint 2: its yaw of 5 is read as radians, a turn of 229"),
         ([5.0], "if 5 degrees were meant, write 0.08727"),
         ([0, 1.57, -1.57], None),
         ([3.1, -3.1], None),  # across the end of the range

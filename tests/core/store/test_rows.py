@@ -204,6 +204,21 @@ def test_values_that_no_run_writes(tmp_path, statement, value, said):
     assert all(said in line for line in said_of(folder))
 
 
+def test_an_index_that_does_not_fit_its_table_is_damage(tmp_path):
+    """Each of its rows can be read."""
+    folder = write_run(tmp_path / "run")
+    query = "SELECT rootpage FROM sqlite_master WHERE name = ?"
+    change = "UPDATE sqlite_master SET rootpage = ? WHERE name = ?"
+    requests = "sqlite_autoindex_requests_1"
+    evaluations = "sqlite_autoindex_evaluations_1"
+    with closing(sqlite3.connect(folder / "run.sqlite")) as store:
+        store.execute("PRAGMA writable_schema = ON")
+        (page,) = store.execute(query, (requests,)).fetchone()
+        store.execute(change, (page, evaluations))
+        store.commit()
+    assert all("can't be read: " in line for line in said_of(folder))
+
+
 def test_the_rows_that_are_deleted_are_asked_and_tried_again(tmp_path):
     """The mend that the message names."""
     folder = write_run(tmp_path / "run")

@@ -124,7 +124,7 @@ def test_strategies_after_a_malformed_one_are_kept():
 @pytest.mark.parametrize(
     "loose",
     [
-        TEXT.replace("]", ", ]").replace("}]", ",\n}]"),
+        replaced_all(TEXT, ("]", ", ]"), ("}, ]", ",\n}, ]")),
         TEXT.replace("]", '] // up ] "\n'),
         replaced(TEXT, ("[[0", "/* it's \" a\ncomment */ [[0")),
         'Say " and {' + TEXT.replace("]", ",]"),
