@@ -27,8 +27,8 @@ class Magnet(Pressing):
     # Makers state that a magnet slips on steel at 15 to 25 % of its pull.
     friction: ClassVar[float] = 0.2
     words: ClassVar[str] = (
-        "a permanent magnet; holds magnetic bodies with 0.336 N for each mm2, and 0.067 N along it, always: only a "
-        "larger force takes them off"
+        "a permanent magnet; holds magnetic bodies with 0.336 N for each mm2, and along the patch with a fifth of what "
+        "the pull leaves, always: only a larger force takes them off"
     )
 
     @property

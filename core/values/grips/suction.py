@@ -24,8 +24,8 @@ class Suction(Pressing):
         0.5  # of rubber on dry glass, metal and plastic (the same)
     )
     words: ClassVar[str] = (
-        "a cup on a pump; holds smooth bodies with 0.04 N for each mm2, and half of what is left of it along it, while "
-        "the plan switches it on"
+        "a cup on a pump; holds smooth bodies with 0.04 N for each mm2, and along the patch with half of what the pull "
+        "leaves, while the plan switches it on"
     )
 
     @property

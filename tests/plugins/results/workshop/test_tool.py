@@ -1,11 +1,14 @@
 """A tool's files, read back by others; what is said against it; and what it earns as it is built."""
 
+from dataclasses import replace
+
 import pytest
 import trimesh
 
 from core.design import Component, Tool
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.interfaces import Material
+from core.values.grips import GRIPS
 from core.values.printers import Printer
 from plugins.results.workshop import body
 from plugins.results.workshop.body import bodies
@@ -111,3 +114,15 @@ def test_a_weld_is_another_where_a_body_is_closed_but_not_as_it_lies(monkeypatch
     monkeypatch.setattr(body, "closed", lambda mesh: next(answers))
     bodies(Tool(LONG.components[:1]))
     assert list(answers) == []
+
+
+@pytest.mark.parametrize(("kind", "bought"), [("suction", "cup"), ("magnet", "N42")])
+def test_what_grips_is_bought(kind, bought):
+    grip = GRIPS[kind]("bottom", 300)
+    post = Component("post", "tool_mount", at(0, 0, -0.05), Box((0.03, 0.03, 0.1)))
+    made = make_tool(
+        PLA.made(Tool((replace(post, grips=grip),))), PANDA, PLA, Printer(), Fit()
+    )
+    (part,) = [name for name in made.hardware if "for post" in name]
+    assert bought in part
+    assert any("pump" in fault for fault in faults(made)) == grip.switched
