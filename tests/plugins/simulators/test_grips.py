@@ -1,6 +1,7 @@
 """Each limit of a grip, met by a little and missed by a little, in every engine; and what it holds, and why not."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -58,7 +59,8 @@ def make_design(kind, area, face, path):
         return {"shape": "box", "mass": 0.03, **given}
 
     cup = component("cup", "stem", [0.023, 0.023, 0.023], [0, 0, -0.2115])
-    cup["grips"] = {"kind": kind, "face": face, "area_mm2": area}
+    if kind:
+        cup["grips"] = {"kind": kind, "face": face, "area_mm2": area}
     return {
         "gripper": False,
         "tool_components": [
@@ -99,7 +101,11 @@ def from_side(size, along=0.0):
 
 def play(folder, engine, kind, area, size, mass, path, face="bottom", **changes):
     task = make_task(folder, kind, size, mass, **changes)
-    document = {"strategies": [make_design(kind, area, face, path)]}
+    return play_design(task, engine, make_design(kind, area, face, path))
+
+
+def play_design(task, engine, design):
+    document = {"strategies": [design]}
     boxes = installed().create("tool", "boxes", grips=True)
     anchored = installed().create("action", "anchored")
     found = read_designs(document, on_panda(boxes), task, actions=anchored)
@@ -257,3 +263,22 @@ def test_suction_holds_while_it_is_on(tmp_path, engine):
     never = play(tmp_path, engine, *given, off)
     assert never.observation.gripped == ()
     assert dict(never.goals)["held"] == 0
+
+
+@pytest.mark.thorough
+@every_simulator
+def test_a_magnet_brings_out_what_no_hand_reaches(engine):
+    """A stick without one comes as far, and earns nothing."""
+    file = Path(__file__).parent / "DiscInTube.yaml"
+    task = on_panda(installed().create("task", "file", file=str(file)))
+    path = [
+        ([0.55, 0, 0.36], 1.5, 0),
+        ([0.55, 0, 0.234], 2.0, 0),
+        ([0.55, 0, 0.4], 2.5, 0),
+    ]
+    magnet = play_design(task, engine, make_design("magnet", 100, "bottom", path))
+    assert magnet.reward == 1
+    assert magnet.solved
+
+    stick = play_design(task, engine, make_design("", 0, "", path))
+    assert stick.reward == 0
