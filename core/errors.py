@@ -32,16 +32,25 @@ class Refusal:
         return f"{self.code} {json.dumps(self.dump()['values'])}"
 
     def dump(self) -> dict[str, Any]:
-        """Write it as JSON has it: a number that is not finite is a text."""
-        values = {
-            name: value
-            if not isinstance(value, float) or math.isfinite(value)
-            else str(value)
-            for name, value in self.values.items()
-        }
+        """Write it as JSON has it: a number that is not finite is a text, and a text that is too long is cut."""
+        values = {name: _as_json(value) for name, value in self.values.items()}
         return {"code": self.code, "values": values}
 
 
+def _as_json(value: object) -> object:
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if isinstance(value, str):
+        return _cut(value)
+
+    return value
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _LONGEST_TEXT else text[: _LONGEST_TEXT - 3] + "..."
+
+
+_LONGEST_TEXT = 500
 CATALOGUE: dict[str, str] = {}
 """The words of each code of a `Reason`."""
 
@@ -269,5 +278,5 @@ def choices(
     place = f" in {where}" if where else ""
     listed = ", ".join(known) or "none"
     refusal = SettingReason.UNKNOWN.refusal(kind=kind, name=wrong, possible=known)
-    message = f"no {kind} {wrong!r}{place}{hint}; possible: {listed}"
+    message = f"no {kind} {_cut(wrong)!r}{place}{hint}; possible: {listed}"
     return UsageError(message).coded(refusal)

@@ -100,8 +100,11 @@ def _file(config_path: str) -> ConfigSource | None:
     """The package that holds the YAML file of a part, if one does."""
     for path in ("pkg://conf", *installed().configs):
         source = ImportlibResourcesConfigSource("parts", path)
-        if source.is_config(config_path):
-            return source
+        try:
+            if source.is_config(config_path):
+                return source
+        except OSError:  # no file has so long a name
+            return None
 
     return None
 

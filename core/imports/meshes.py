@@ -40,8 +40,9 @@ def kind_of(file: Path) -> str:
     """
     suffix = file.suffix.lower()
     if suffix not in KINDS:
+        name = " ".join(str(file).split())
         raise UserError(
-            f"mesh {file} is of no kind that is read: {', '.join(KINDS)}; export it as one of them"
+            f"mesh {name} is of no kind that is read: {', '.join(KINDS)}; export it as one of them"
         )
 
     return suffix[1:]
