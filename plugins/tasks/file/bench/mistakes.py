@@ -90,13 +90,10 @@ class Referee:
                 mistakes.sort(key=lambda mistake: self._judge(mistake, solved=False))
                 likely += mistakes[-_SOLVED:]
 
-        explained = [self._judge(mistake, solved=True) for mistake in likely]
-        most = max([CLEAR, *explained])
-        found = [
-            mistake
-            for mistake, much in zip(likely, explained, strict=True)
-            if much >= ALIKE * most and much > CLEAR
-        ]
+        judged = [(self._judge(mistake, solved=True), mistake) for mistake in likely]
+        judged.sort(key=lambda pair: pair[0], reverse=True)
+        least = max([CLEAR, *(ALIKE * explained for explained, _ in judged)])
+        found = [mistake for explained, mistake in judged if explained >= least]
         if found:
             words = "; or ".join(mistake.words for mistake in found)
             may_point = any(mistake.may_point for mistake in found)
