@@ -524,10 +524,10 @@ def _find_unknowns(
     """Find what is fitted: numbers of sighted bodies and marks that were seen, and places of what follows.
 
     Numbers that change together are in one mapping, with one standard deviation of each: boxes that are parts, and not
-    turned, become longer together along an axis. A part whose both ends were seen has proportions of its own.
+    turned, become longer together along an axis, unless both ends of each part were seen.
     """
     sighted = evidence.sighted
-    ends = _find_ends(evidence.sightings)
+    proportioned = _find_proportioned(numbers, evidence.sightings)
     groups = {path: group for group in evidence.freed for path in group}
     found = dict[str, dict[str, float]]()
     for path, mark in numbers.marks.items():
@@ -544,7 +544,7 @@ def _find_unknowns(
         spread = SIZE_SHARE * numbers.values[path]
         whole = rest[0] == "parts" and rest[2] in ("box", "position")
         if whole and f"bodies.{name}.parts.{rest[1]}.rpy_deg.yaw" not in numbers.values:
-            if (name, int(rest[1]), rest[-1]) not in ends and path not in groups:
+            if (name, rest[-1]) not in proportioned and path not in groups:
                 group = f"{name}.{rest[-1]}"
         elif path in groups:
             spread = numbers.values[path]
@@ -558,16 +558,28 @@ def _find_unknowns(
     return [unknown for unknown in found.values() if any(unknown.values())]
 
 
-def _find_ends(sightings: Sequence[Sighting]) -> set[tuple[str, int, str]]:
-    """Find the parts of which points at both ends of an axis were seen: body, number of the part, and axis."""
-    sides = dict[tuple[str, int, str], set[bool]]()
+def _find_proportioned(
+    numbers: Numbers, sightings: Sequence[Sighting]
+) -> set[tuple[str, str]]:
+    """Find bodies of parts, and axes along which points at both ends of each part were seen."""
+    ends = set[tuple[str, str, str, bool]]()
     for sighting in sightings:
-        if sighting.part is None or len(sighting.pixels) != 2:
+        if sighting.part is not None and len(sighting.pixels) == 2:
+            for axis, value in zip("xyz", sighting.point, strict=True):
+                if value:
+                    ends.add((sighting.body, str(sighting.part), axis, value > 0))
+
+    free = set[tuple[str, str]]()
+    hidden = set[tuple[str, str]]()
+    for path in numbers.marks:
+        _, name, *rest = path.split(".")
+        if rest[0] != "parts":
             continue
 
-        for axis, value in zip("xyz", sighting.point, strict=True):
-            if value:
-                key = (sighting.body, sighting.part, axis)
-                sides.setdefault(key, set()).add(value > 0)
+        for axis in "xyz":
+            free.add((name, axis))
+            wanted = {(name, rest[1], axis, side) for side in (True, False)}
+            if not wanted <= ends:
+                hidden.add((name, axis))
 
-    return {key for key, seen in sides.items() if len(seen) == 2}
+    return free - hidden
