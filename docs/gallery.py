@@ -51,12 +51,19 @@ DESIGNERS = {
     "round_2": "urdf",
     "round_3": "urdf",
     "embedded": "urdf",
+    "in_pla": "urdf",
     "gripper": "none",
 }
-"""Who designed, by folder, and in which form tools are written there; ``round_2``: the model after it saw feedback."""
+"""Who designed, by folder, and in which form tools are written there; ``round_2``: the model after it saw feedback.
+
+``in_pla`` has what the embedded designer found with ``python -m core.run task=... sim=mujoco``.
+"""
 
 COMPARED = ("model", "embedded", "gripper")
 """Who designed for all tasks."""
+
+MADE = {"model": "the model", "in_pla": "the embedded designer"}
+"""Whose tools are printed."""
 
 ROUNDS = {"model": "round 1", "round_2": "round 2", "round_3": "round 3"}
 """What the rounds are called of tasks for which the model saw feedback."""
@@ -150,6 +157,9 @@ def entries(task: str, designers: Sequence[str] = tuple(DESIGNERS)) -> list[Entr
 
 def measure(entry: Entry) -> dict[str, Any]:
     """Play a design in each engine, and weigh and check its tool as a printer would make it."""
+    if entry.designer == "in_pla":
+        return measure_printed(entry)
+
     candidate = entry.read()
     rewards = {}
     rooms = {}
@@ -261,8 +271,8 @@ def _show_floor(seed: int) -> Scene:
 
 
 def draw(entry: Entry) -> None:
-    """Draw a design's tool, and of the model's first and last the film; of the bare gripper nothing."""
-    if entry.designer == "gripper":
+    """Draw a design's tool, and of the model's first and last the film."""
+    if entry.designer in ("gripper", "in_pla"):
         return
 
     PICTURES.mkdir(parents=True, exist_ok=True)
@@ -472,19 +482,23 @@ def _mass(figures: dict[str, Any]) -> str:
 
 def _printed_table(figures: dict[str, Any]) -> str:
     """Write a table of the tools made of PLA: pieces, hours and grams of filament, and what they earn then."""
+    heads = " | ".join(f"{title}: printing | it earns" for title in MADE.values())
     lines = [
         "## Printed in PLA",
         "",
-        "Pieces, hours and grams of filament of the model's tools on a Prusa MK4, and the reward when they weigh and",
-        "bend as PLA. A tool that bends too far or breaks is refused. One that is too large has no pieces that fit",
-        "the plate.",
+        "Pieces, hours and grams of filament on a Prusa MK4, by PrusaSlicer, and the rewards in three engines when",
+        "tools weigh and bend as PLA. The embedded designer knew the material: its tools come from runs with the",
+        "defaults, in MuJoCo. The model did not: its tools that bend too far or break are refused. A tool that is too",
+        "large has no pieces that fit the plate. A dash means that nothing was measured.",
         "",
-        "| task | printing | it earns |",
-        "|---|---|---|",
+        f"| task | {heads} |",
+        "|---" * (1 + 2 * len(MADE)) + "|",
     ]
     for task in sorted(figures):
-        cells = _print_cells(figures[task]["model"])
-        lines.append(f"| {task} | {' | '.join(cells)} |")
+        cells = [task]
+        for designer in MADE:
+            cells += _print_cells(figures[task].get(designer, {}))
+        lines.append(f"| {' | '.join(cells)} |")
 
     return "\n".join([*lines, ""])
 
