@@ -19,7 +19,7 @@ POOR_PX = 5.0  # what is seen fits no better than that: something is suspected .
 FAR_BASE_PX = 80.0  # ... as it is if the arm's foot is missed by more than this
 CLEAR = 30.0  # what a mistake explains has to be so many times what numbers are missed by without it
 ALIKE = 0.8  # of what explains most: what explains so much is named, too
-PRICE = 3.0  # of each number that a mistake leaves out or frees, in the same unit
+PRICE = 10.0  # of each number that a mistake leaves out or frees, in the same unit
 LEAST = 0.1  # misfit of a number: less is luck
 PRINTED = 0.02  # a board is printed as it should be if its scale is so near
 _SOLVED = 2  # of the mistakes of a kind, those that begin best
@@ -87,10 +87,10 @@ class Referee:
             moved = list(_leave_out_moved(self._evidence))
             photographs = list(_leave_out_photographs(self._evidence))
             for mistakes in (changed, moved, photographs):
-                mistakes.sort(key=lambda mistake: self._judge(mistake, solved=False))
-                likely += mistakes[-_SOLVED:]
+                mistakes.sort(key=self._measure_start)
+                likely += mistakes[:_SOLVED]
 
-        judged = [(self._judge(mistake, solved=True), mistake) for mistake in likely]
+        judged = [(self._judge(mistake), mistake) for mistake in likely]
         judged.sort(key=lambda pair: pair[0], reverse=True)
         least = max([CLEAR, *(ALIKE * explained for explained, _ in judged)])
         found = [mistake for explained, mistake in judged if explained >= least]
@@ -114,9 +114,13 @@ class Referee:
             self._task, self._numbers, evidence, self._fit, solved=solved
         )
 
-    def _judge(self, mistake: Mistake, *, solved: bool) -> float:
+    def _measure_start(self, mistake: Mistake) -> float:
+        """Measure how badly all fits before it is fitted to what is seen without a mistake."""
+        return self._try(mistake.evidence, solved=False).misfit
+
+    def _judge(self, mistake: Mistake) -> float:
         """Measure how much a mistake explains, in units of what a number is missed by if it was made."""
-        misfit = self._try(mistake.evidence, solved=solved).misfit
+        misfit = self._try(mistake.evidence, solved=True).misfit
         unit = max(misfit / max(self._fit.count, 1), LEAST)
         return (self._fit.misfit - misfit) / unit - PRICE * mistake.price
 
@@ -128,7 +132,7 @@ class Referee:
             return
 
         freed = replace(self._evidence, freed=tuple(told))
-        if self._judge(Mistake("", freed, len(told)), solved=True) < CLEAR:
+        if self._judge(Mistake("", freed, len(told))) < CLEAR:
             return
 
         seen = self._try(freed, solved=True).values
