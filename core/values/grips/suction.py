@@ -7,12 +7,12 @@ from typing import ClassVar
 from core.values.grips.grip import Pressing, Surface
 
 VACUUM_PA = 60e3
-"""Below the air's pressure: what ejectors and small pumps reach on tight things (J. Schmalz GmbH, "Vacuum Knowledge",
-table of vacuum levels: 60 % for smooth, airtight surfaces)."""
+"""Below the air's pressure: the 60 % for which makers state holding forces (J. Schmalz GmbH, glossary, "Holding
+force")."""
 
 SAFETY = 1.5
-"""What makers divide the theoretical force by for smooth and tight workpieces (the same, "Theoretical holding
-force")."""
+"""What makers divide the theoretical force by, at least, for smooth and tight workpieces (the same, "Theoretical Holding
+Force of a Suction Cup")."""
 
 
 class Suction(Pressing):
@@ -20,9 +20,7 @@ class Suction(Pressing):
 
     kind: ClassVar[str] = "suction"
     switched: ClassVar[bool] = True
-    friction: ClassVar[float] = (
-        0.5  # of rubber on dry glass, metal and plastic (the same)
-    )
+    friction: ClassVar[float] = 0.5  # on dry wood, metal, glass and stone (the same)
     words: ClassVar[str] = (
         "a cup on a pump; holds smooth bodies with 0.04 N for each mm2, and along the patch with half of what the pull "
         "leaves, while the plan switches it on"
