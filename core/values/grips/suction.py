@@ -11,8 +11,8 @@ VACUUM_PA = 60e3
 force")."""
 
 SAFETY = 1.5
-"""What makers divide the theoretical force by, at least, for smooth and tight workpieces (the same, "Theoretical Holding
-Force of a Suction Cup")."""
+"""What makers divide the theoretical force by, at least, for smooth and tight workpieces (the same, "Theoretical
+Holding Force of a Suction Cup")."""
 
 
 class Suction(Pressing):
