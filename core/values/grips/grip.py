@@ -9,7 +9,6 @@ from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from core.errors import refuse
 from core.geometry import Array, Pose, Shape
@@ -158,8 +157,10 @@ class Grip(ABC):
         out = np.array(FACES[self.face])
         middle, sides = shape.bounds
         across = np.roll(np.abs(out), 1)
-        axes = np.column_stack([across, np.cross(out, across), out])
-        return Pose.from_rotation(middle + out * sides / 2, Rotation.from_matrix(axes))
+        frame = np.eye(4)
+        frame[:3, :3] = np.column_stack([across, np.cross(out, across), out])
+        frame[:3, 3] = middle + out * sides / 2
+        return Pose.from_matrix(frame)
 
     @property
     def points(self) -> Array:

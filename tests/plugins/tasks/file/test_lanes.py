@@ -168,6 +168,7 @@ ELSEWHERE = {
     "variations", "noise_m",  # test_words, test_task
     "imports", "prefix", "without", "file", "scale",  # test_task, test_mjcf
     "tool_kinds", "tool_in_place", "payload_kg",  # what designs may be: test_words, test_attacks
+    "smooth", "magnetic", "loops",  # what grips hold: simulators/test_grips
     "poisson",  # passed on to the engine: it has no figure that a scene would show
 }  # fmt: skip
 
