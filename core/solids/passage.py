@@ -24,7 +24,7 @@ from core.solids.tracks import Indices, Look, Pair, Track, Tracks, angles, lengt
 
 DEEP_M = 0.01  # penetration allowed under pressure; at most half of what it takes to reach the other side
 THIN_M = 0.003  # but for thin solids, pressed into a thick one too, as much as they are thick, and at least this much
-GUIDED_M = 0.003  # of a body on a joint in another one: the joint says how it moves, and where it is pressed
+GUIDED_M = 0.003  # of a body on a joint in what is fixed: the joint says how it moves, and where it is pressed
 # Share of the way to the middle from which on leaving on another side is a passage.
 THROUGH = 2 / 3
 # A cut is deeper along the side than the shortest way out by twice the thickness, within these limits.
@@ -120,7 +120,7 @@ def choose_depths(
     deep = np.minimum(DEEP_M, pressed)
     rests = solids.frames[pairs[:, 1]] == WORLD
     robots = solids.owners[pairs[:, 0]] == ROBOT
-    guides = np.isin(solids.owners[pairs], [*guided]).any(axis=1) & ~robots
+    guides = np.isin(solids.owners[pairs[:, 0]], [*guided]) & rests
     deep = np.where(guides, np.minimum(GUIDED_M, deep), deep)
     through = THROUGH * across
     limit = np.minimum(deep, through)

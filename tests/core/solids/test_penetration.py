@@ -69,12 +69,12 @@ def test_a_body_that_goes_through_a_wall_is_found_however_fast(shape, speed):
         (4.0, False, 0.0, 0),
         (12.0, False, 0.0, 1),
         (2.5, True, 0.5, 0),
-        (4.0, True, 0.5, 1),  # a post that stands on the table does not give way either
+        (4.0, True, 0.5, 0),  # a post that stands loose may give way
         (4.0, False, 0.5, 0),
     ],
 )
 def test_a_button_is_not_pressed_through_its_post(deep_mm, guided, mass, found):
-    """What hangs from a joint is no deeper in what it meets than an engine's contacts are soft."""
+    """What hangs from a joint is no deeper in what is fixed than an engine's contacts are soft."""
     button = body("button", Cylinder(0.015, 0.03), (0.5, 0, 0.2))
     post = body("post", Box((0.05, 0.05, 0.1)), (0.5, 0, 0.13), mass=mass)
     press = Joint("press", "slider", "button", axis=(0, 0, -1), lower=0, upper=0.02)
